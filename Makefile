@@ -1,0 +1,34 @@
+# Everything from a fresh clone with python3 (3.11 or newer) and make: `make report`, `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: report report-full test lint clean
+
+.venv/.ready: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+.venv/.peers: .venv/.ready
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[peers]'
+	touch $@
+
+report: .venv/.ready  ## measure and write reports/
+	$(BIN)/python -m bench
+	$(BIN)/python -m reports.build
+
+report-full: .venv/.ready .venv/.peers  ## the same with longer runs and the peers
+	$(BIN)/python -m bench --full
+	$(BIN)/python -m reports.build
+
+test: .venv/.ready
+	$(BIN)/python -m pytest
+
+lint: .venv/.ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,37 @@
+"""Basset: the history force, to any accuracy, at the lowest price.
+
+H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that behave as s^(-1/2) at short lags.
+"""
+
+from basset.evaluate import cumulate, integrate
+from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
+from basset.quadrature import (
+    SCHEMES,
+    Brush,
+    Daitche,
+    EulerMaclaurin,
+    Hinsberg,
+    Rule,
+    SemiDerivative,
+    UnknownSchemeError,
+    Windowed,
+)
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "SCHEMES",
+    "BassetKernel",
+    "Brush",
+    "Daitche",
+    "EulerMaclaurin",
+    "Hinsberg",
+    "Kernel",
+    "MeiAdrianKernel",
+    "Rule",
+    "SemiDerivative",
+    "UnknownSchemeError",
+    "Windowed",
+    "cumulate",
+    "integrate",
+]

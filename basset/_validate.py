@@ -1,0 +1,79 @@
+"""Checks of arguments: one sentence that names the argument, what came and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import operator
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+
+def shown(value: Any, limit: int = 60) -> str:
+    """`value` as it can stand in a sentence: short, on one line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def number(name: str, value: Any, right: str = "a finite number") -> float:
+    """`value` as a finite float; TypeError for what is no real number, ValueError for NaN and infinity."""
+    if isinstance(value, (bool, np.bool_, str, bytes)) or value is None:
+        raise TypeError(f"{name} must be {right}, got {shown(value)}")
+    try:
+        result = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} must be {right}, got {shown(value)}") from None
+    if not math.isfinite(result):
+        raise ValueError(f"{name} must be {right}, got {result}")
+    return result
+
+
+def positive(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float above zero."""
+    right = "a finite number greater than 0" + (f" ({unit})" if unit else "")
+    result = number(name, value, right)
+    if result <= 0.0:
+        raise ValueError(f"{name} must be {right}, got {result:g}")
+    return result
+
+
+def non_negative(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float, zero allowed."""
+    right = "a finite number, 0 or greater" + (f" ({unit})" if unit else "")
+    result = number(name, value, right)
+    if result < 0.0:
+        raise ValueError(f"{name} must be {right}, got {result:g}")
+    return result
+
+
+def integer(name: str, value: Any, low: int, high: int | None = None) -> int:
+    """`value` as an int in [low, high]; floats are refused even when they are whole."""
+    right = f"a whole number from {low} to {high}" if high is not None else f"a whole number, {low} or greater"
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be {right}, got {shown(value)}")
+    try:
+        result = operator.index(value)
+    except TypeError:
+        kind = ValueError if isinstance(value, (float, np.floating)) else TypeError
+        raise kind(f"{name} must be {right}, got {shown(value)}") from None
+    if result < low or (high is not None and result > high):
+        raise ValueError(f"{name} must be {right}, got {result}")
+    return result
+
+
+def choice(name: str, value: Any, options: Iterable[str]) -> str:
+    """`value` if it is one of the strings in `options`; otherwise the nearest one is suggested."""
+    known = list(options)
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be one of {', '.join(map(repr, known))}, got {shown(value)}")
+    if value not in known:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, known))}, got {value!r}{suggestion(value, known)}")
+    return value
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """"; did you mean 'x'?" for the nearest of `known`, or an empty string."""
+    near = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.4)
+    return f"; did you mean {near[0]!r}?" if near else ""

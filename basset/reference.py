@@ -1,0 +1,162 @@
+"""The truth: closed forms of the history integral in double precision, and the same in mpmath to any number of digits.
+
+Every function takes `digits=None`: then t may be an array (seconds) and the result is float64; with `digits` t is one
+number and the result an mpmath number correct to that many digits, from a formula of its own where double precision
+needs a special one. `product_weights` gives exact weights of product integration. All for K(s) = s^(-1/2) unless said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import mpmath
+import numpy as np
+import scipy.special
+from numpy.typing import ArrayLike
+
+from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
+
+
+def exponential(t: ArrayLike, rate: complex, digits: int | None = None) -> Any:
+    """H(t) for f' = exp(rate·τ), f(0) = 0: √(π/a) e^(at) erf(√(at)) with a = `rate` (1/s), complex allowed.
+
+    Source: Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1. Real for a real rate.
+    """
+    if digits is not None:
+        with mpmath.workdps(digits + 10):
+            a, t = mpmath.mpmathify(rate), mpmath.mpmathify(t)
+            if a == 0:
+                return 2 * mpmath.sqrt(t)
+            with mpmath.workdps(digits + 10 + int(abs(a * t) * 0.45)):  # erf cancels against e^(at) for Re a < 0
+                value = mpmath.sqrt(mpmath.pi) / mpmath.sqrt(a) * mpmath.exp(a * t) * mpmath.erf(mpmath.sqrt(a * t))
+            return +value if isinstance(rate, complex) else +mpmath.re(value)
+    t = np.asarray(t, dtype=np.float64)
+    root = np.sqrt(t)
+    if not isinstance(rate, complex):
+        if rate == 0.0:
+            return 2.0 * root
+        scale = np.sqrt(abs(rate))
+        if rate < 0.0:
+            return 2.0 / scale * scipy.special.dawsn(scale * root)
+        return np.sqrt(np.pi) / scale * np.exp(rate * t) * scipy.special.erf(scale * root)
+    z = rate * t
+    small = np.abs(z) <= 1.0
+    near = np.where(small, z, 0.0)
+    term = series = np.ones_like(z)
+    for k in range(1, 26):  # Kummer's M(1, 3/2, z)
+        term = term * near / (k + 0.5)
+        series = series + term
+    far = np.where(small, 1.0, z)
+    faddeeva = scipy.special.wofz(1j * np.sqrt(far))  # erfc(x) = e^(−x²) w(ix)
+    return np.where(small, 2.0 * root * series, np.sqrt(np.pi / rate) * (np.exp(far) - faddeeva))
+
+
+def cosine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
+    """H(t) for f' = cos(ωτ), f(0) = 0: √(2π/ω) [cos ωt C(z) + sin ωt S(z)], z = √(2ωt/π) (thesis section 5.2.2.2).
+
+    With ω = 1 and t = 50π the thesis's test integral, 1.253060201346663…
+    """
+    if digits is not None:
+        with mpmath.workdps(digits + 10):
+            t, omega = mpmath.mpmathify(t), mpmath.mpmathify(omega)
+            z = mpmath.sqrt(2 * omega * t / mpmath.pi)
+            value = mpmath.cos(omega * t) * mpmath.fresnelc(z) + mpmath.sin(omega * t) * mpmath.fresnels(z)
+            return mpmath.sqrt(2 * mpmath.pi / omega) * value
+    return exponential(t, 1j * omega).real
+
+
+def sine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
+    """H(t) for f' = sin(ωτ), f(0) = 0: √(2π/ω) [sin ωt C(z) − cos ωt S(z)], z = √(2ωt/π)."""
+    if digits is not None:
+        with mpmath.workdps(digits + 10):
+            t, omega = mpmath.mpmathify(t), mpmath.mpmathify(omega)
+            z = mpmath.sqrt(2 * omega * t / mpmath.pi)
+            value = mpmath.sin(omega * t) * mpmath.fresnelc(z) - mpmath.cos(omega * t) * mpmath.fresnels(z)
+            return mpmath.sqrt(2 * mpmath.pi / omega) * value
+    return exponential(t, 1j * omega).imag
+
+
+def power(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
+    """H(t) for f' = τ^k, k > −1, f(0) = 0: B(1/2, k+1) t^(k+1/2)."""
+    if digits is not None:
+        with mpmath.workdps(digits + 10):
+            k = mpmath.mpmathify(exponent)
+            return mpmath.beta(mpmath.mpf(1) / 2, k + 1) * mpmath.mpmathify(t) ** (k + mpmath.mpf(1) / 2)
+    return scipy.special.beta(0.5, exponent + 1.0) * np.asarray(t, dtype=np.float64) ** (exponent + 0.5)
+
+
+def power_slip(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
+    """H(t) for the slip f = τ^k, k > 0: k B(1/2, k) t^(k−1/2); π/2 at all times for f = √τ."""
+    scale = exponent if digits is None else mpmath.mpmathify(exponent)
+    return scale * power(t, exponent - 1.0, digits)
+
+
+def step(t: ArrayLike, jump: float = 1.0, digits: int | None = None) -> Any:
+    """H(t) for a slip that jumps at t = 0 and stays: jump·t^(-1/2); infinite at t = 0."""
+    if digits is not None:
+        with mpmath.workdps(digits + 10):
+            return mpmath.mpmathify(jump) / mpmath.sqrt(mpmath.mpmathify(t))
+    with np.errstate(divide="ignore"):
+        return jump / np.sqrt(np.asarray(t, dtype=np.float64))
+
+
+def _value(s: Any, kernel: Kernel) -> Any:
+    """K(s) in the current mpmath precision."""
+    if isinstance(kernel, BassetKernel):
+        return 1 / mpmath.sqrt(s)
+    assert isinstance(kernel, MeiAdrianKernel)
+    return (1 + (_bend(kernel) * s ** mpmath.mpf("1.5")) ** (1 / mpmath.mpf(kernel.c1))) ** -kernel.c1 / mpmath.sqrt(s)
+
+
+def _bend(kernel: MeiAdrianKernel) -> Any:
+    slip, viscosity = mpmath.mpf(kernel.slip), mpmath.mpf(kernel.viscosity)
+    friction = mpmath.mpf("0.75") + mpmath.mpf(kernel.c2) * slip * mpmath.mpf(kernel.diameter) / viscosity
+    return mpmath.sqrt(mpmath.pi) / 2 * (slip / friction / mpmath.sqrt(viscosity)) ** 3
+
+
+def _panel_moments(k: int, degree: int, kernel: Kernel) -> list[Any]:
+    """∫_k^{k+1} K(s) (s−k)^m ds, m = 0 … degree, in the current mpmath precision."""
+    if isinstance(kernel, BassetKernel):
+        half = mpmath.mpf(1) / 2
+        raw = [((k + 1) ** (m + half) - mpmath.mpf(k) ** (m + half)) / (m + half) for m in range(degree + 1)]
+        return [sum(mpmath.binomial(m, i) * (-k) ** (m - i) * raw[i] for i in range(m + 1)) for m in range(degree + 1)]
+    points = [mpmath.mpf(k), mpmath.mpf(k + 1)]
+    if k == 0 and isinstance(kernel, MeiAdrianKernel):  # follow the bend; the algebraic end is left to tanh-sinh
+        turn = _bend(kernel) ** (-mpmath.mpf(2) / 3) if kernel.slip else mpmath.mpf(1)
+        inner = (turn * mpmath.mpf(10) ** e for e in range(-6, 7, 2))
+        points = [mpmath.mpf(0), *(x for x in inner if x < 1), mpmath.mpf(1)]
+    return [mpmath.quad(lambda s, m=m: _value(s, kernel) * (s - k) ** m, points) for m in range(degree + 1)]
+
+
+def product_weights(
+    n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40
+) -> list[Any]:
+    """Exact weights w[j] of product integration of that degree for a unit step, for j in `indices` (newest first).
+
+    The definition, in mpmath: on panel [k, k+1] the polynomial through the samples from lag k − ⌊p/2⌋ on, shifted
+    inwards at both ends, integrated against K (for slips: its derivative in time, and the first sample as a jump).
+    Enough working digits are added to survive the cancellation.
+    """
+    degree = min(degree, n)
+    wanted = {int(j): mpmath.mpf(0) for j in indices}
+    with mpmath.workdps(digits + 10 + int((degree + 1) * np.log10(n + 10.0)) * isinstance(kernel, BassetKernel)):
+        panels = {k for j in wanted for k in range(max(0, j - 2 * degree), min(n, j + 2 * degree + 1))}
+        for k in sorted(panels):
+            start = min(max(k - degree // 2, 0), n - degree)
+            touched = [i for i in range(degree + 1) if start + i in wanted]
+            if not touched:
+                continue
+            moments = _panel_moments(k, degree, kernel)
+            for i in touched:
+                polynomial = [mpmath.mpf(1)]  # coefficients in s − k of the Lagrange basis, lowest first
+                for m in (m for m in range(degree + 1) if m != i):
+                    shift, scale = mpmath.mpf(k - start - m), mpmath.mpf(i - m)
+                    shifted = [mpmath.mpf(0), *polynomial]
+                    polynomial = [((shift * polynomial[q] if q < len(polynomial) else 0) + shifted[q]) / scale for q in range(len(shifted))]
+                if input == "slip":
+                    polynomial = [-m * c for m, c in enumerate(polynomial)][1:]
+                wanted[start + i] += sum(c * moment for c, moment in zip(polynomial, moments, strict=False))
+        if input == "slip" and n in wanted:
+            wanted[n] += _value(mpmath.mpf(n), kernel)
+        return [+wanted[int(j)] for j in indices]

@@ -1,0 +1,1 @@
+"""Measurements: what accuracy costs in time. `python -m bench [suite …]` writes JSON; `reports` reads it."""
