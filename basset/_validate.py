@@ -74,6 +74,6 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """"; did you mean 'x'?" for the nearest of `known`, or an empty string."""
+    """The nearest of `known` as a question to end a sentence with, or an empty string."""
     near = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.4)
     return f"; did you mean {near[0]!r}?" if near else ""

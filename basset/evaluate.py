@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
-from basset.kernels import BassetKernel, Kernel
-from basset.quadrature.base import TABLES, Floats, Rule, resolve, step_factor, table
+from basset.kernels import BassetKernel, Floats, Kernel
+from basset.quadrature.base import TABLES, Rule, resolve, step_factor, table
 
 _BASSET = BassetKernel()
 
 
-def integrate(
-    g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate"
-) -> Any:
+def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Any:
     """History integral at the last node, H(t_n) = f(t_0) K(t_n − t_0) + ∫ K(t_n − τ) g(τ) dτ.
 
     Parameters
@@ -84,9 +82,7 @@ def integrate(
     return result
 
 
-def cumulate(
-    g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate"
-) -> Floats:
+def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Floats:
     """History integral at every node, in O(n log n): row k is `integrate(g[:k+1], …)`.
 
     Parameters are those of `integrate`; one sample is enough. The convolution is done by FFT without wrap-around, the
@@ -152,10 +148,7 @@ def _valid_convolution(columns: Floats, row: Floats) -> Floats:
 
 
 def _checked(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
-    if type(g) is np.ndarray and g.dtype == np.float64:
-        samples = g
-    else:
-        samples = _converted("g", g)
+    samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _converted("g", g)
     if samples.ndim == 0:
         raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
     rule = resolve(rule)
@@ -197,7 +190,5 @@ def _diagnose(samples: Floats, offset: int) -> None:
     rows = np.flatnonzero(~np.isfinite(samples.reshape(len(samples), -1)).all(axis=1))
     if len(rows):
         bad = samples.reshape(len(samples), -1)[rows[0]]
-        raise ValueError(
-            f"g must be finite, got {bad[~np.isfinite(bad)][0]} in sample {rows[0] + offset} (and {len(rows) - 1} other samples)"
-        )
+        raise ValueError(f"g must be finite, got {bad[~np.isfinite(bad)][0]} in sample {rows[0] + offset} (and {len(rows) - 1} other samples)")
     raise ValueError(f"g must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 
 
 @lru_cache(maxsize=64)

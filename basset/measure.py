@@ -20,9 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def interleaved(
-    contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, limit: float = 30.0
-) -> dict[str, float]:
+def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, limit: float = 30.0) -> dict[str, float]:
     """Seconds per call of each contender: the minimum over rounds that visit all of them in turn.
 
     Parameters

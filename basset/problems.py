@@ -8,11 +8,9 @@ from typing import Any
 
 import mpmath
 import numpy as np
-from numpy.typing import NDArray
 
 from basset import reference
-
-Floats = NDArray[np.float64]
+from basset.kernels import Floats
 
 
 @dataclass(frozen=True)

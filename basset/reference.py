@@ -25,22 +25,22 @@ def exponential(t: ArrayLike, rate: complex, digits: int | None = None) -> Any:
     """
     if digits is not None:
         with mpmath.workdps(digits + 10):
-            a, t = mpmath.mpmathify(rate), mpmath.mpmathify(t)
+            a, time = mpmath.mpmathify(rate), mpmath.mpmathify(t)
             if a == 0:
-                return 2 * mpmath.sqrt(t)
-            with mpmath.workdps(digits + 10 + int(abs(a * t) * 0.45)):  # erf cancels against e^(at) for Re a < 0
-                value = mpmath.sqrt(mpmath.pi) / mpmath.sqrt(a) * mpmath.exp(a * t) * mpmath.erf(mpmath.sqrt(a * t))
+                return 2 * mpmath.sqrt(time)
+            with mpmath.workdps(digits + 10 + int(abs(a * time) * 0.45)):  # erf cancels against e^(at) for Re a < 0
+                value = mpmath.sqrt(mpmath.pi) / mpmath.sqrt(a) * mpmath.exp(a * time) * mpmath.erf(mpmath.sqrt(a * time))
             return +value if isinstance(rate, complex) else +mpmath.re(value)
-    t = np.asarray(t, dtype=np.float64)
-    root = np.sqrt(t)
+    times = np.asarray(t, dtype=np.float64)
+    root = np.sqrt(times)
     if not isinstance(rate, complex):
         if rate == 0.0:
             return 2.0 * root
         scale = np.sqrt(abs(rate))
         if rate < 0.0:
             return 2.0 / scale * scipy.special.dawsn(scale * root)
-        return np.sqrt(np.pi) / scale * np.exp(rate * t) * scipy.special.erf(scale * root)
-    z = rate * t
+        return np.sqrt(np.pi) / scale * np.exp(rate * times) * scipy.special.erf(scale * root)
+    z = rate * times
     small = np.abs(z) <= 1.0
     near = np.where(small, z, 0.0)
     term = series = np.ones_like(z)
@@ -59,10 +59,10 @@ def cosine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
     """
     if digits is not None:
         with mpmath.workdps(digits + 10):
-            t, omega = mpmath.mpmathify(t), mpmath.mpmathify(omega)
-            z = mpmath.sqrt(2 * omega * t / mpmath.pi)
-            value = mpmath.cos(omega * t) * mpmath.fresnelc(z) + mpmath.sin(omega * t) * mpmath.fresnels(z)
-            return mpmath.sqrt(2 * mpmath.pi / omega) * value
+            time, w = mpmath.mpmathify(t), mpmath.mpmathify(omega)
+            z = mpmath.sqrt(2 * w * time / mpmath.pi)
+            value = mpmath.cos(w * time) * mpmath.fresnelc(z) + mpmath.sin(w * time) * mpmath.fresnels(z)
+            return mpmath.sqrt(2 * mpmath.pi / w) * value
     return exponential(t, 1j * omega).real
 
 
@@ -70,10 +70,10 @@ def sine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
     """H(t) for f' = sin(ωτ), f(0) = 0: √(2π/ω) [sin ωt C(z) − cos ωt S(z)], z = √(2ωt/π)."""
     if digits is not None:
         with mpmath.workdps(digits + 10):
-            t, omega = mpmath.mpmathify(t), mpmath.mpmathify(omega)
-            z = mpmath.sqrt(2 * omega * t / mpmath.pi)
-            value = mpmath.sin(omega * t) * mpmath.fresnelc(z) - mpmath.cos(omega * t) * mpmath.fresnels(z)
-            return mpmath.sqrt(2 * mpmath.pi / omega) * value
+            time, w = mpmath.mpmathify(t), mpmath.mpmathify(omega)
+            z = mpmath.sqrt(2 * w * time / mpmath.pi)
+            value = mpmath.sin(w * time) * mpmath.fresnelc(z) - mpmath.cos(w * time) * mpmath.fresnels(z)
+            return mpmath.sqrt(2 * mpmath.pi / w) * value
     return exponential(t, 1j * omega).imag
 
 
@@ -129,9 +129,7 @@ def _panel_moments(k: int, degree: int, kernel: Kernel) -> list[Any]:
     return [mpmath.quad(lambda s, m=m: _value(s, kernel) * (s - k) ** m, points) for m in range(degree + 1)]
 
 
-def product_weights(
-    n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40
-) -> list[Any]:
+def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40) -> list[Any]:
     """Exact weights w[j] of product integration of that degree for a unit step, for j in `indices` (newest first).
 
     The definition, in mpmath: on panel [k, k+1] the polynomial through the samples from lag k − ⌊p/2⌋ on, shifted

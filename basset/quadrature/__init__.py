@@ -30,6 +30,4 @@ class _Schemes(dict[str, type[Rule]]):
         raise UnknownSchemeError(f"scheme must be one of {', '.join(map(repr, self))}, got {name!r}{near}")
 
 
-SCHEMES: dict[str, type[Rule]] = _Schemes(
-    {rule.name: rule for rule in (SemiDerivative, EulerMaclaurin, Brush, Daitche, Hinsberg, Windowed)}
-)
+SCHEMES: dict[str, type[Rule]] = _Schemes({rule.name: rule for rule in (SemiDerivative, EulerMaclaurin, Brush, Daitche, Hinsberg, Windowed)})

@@ -22,10 +22,8 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from basset import _validate
-from basset.kernels import BassetKernel, Kernel
+from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature.cache import ByteCache
-
-Floats = NDArray[np.float64]
 
 INPUTS = ("rate", "slip")
 
@@ -75,9 +73,7 @@ class Rule(abc.ABC):
             raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
         _validate.choice("input", input, INPUTS)
         if input not in self.inputs:
-            raise ValueError(
-                f"input must be 'rate' for {type(self).__name__}, got {input!r}: the method is defined on samples of the rate df/dt only"
-            )
+            raise ValueError(f"input must be 'rate' for {type(self).__name__}, got {input!r}: the method is defined on samples of the rate df/dt only")
 
     def weights(self, n: int, dt: float, kernel: Kernel = BassetKernel(), input: str = "rate") -> Floats:
         """Weights w of H(t_n) ≈ Σ_j w[j] g(t_{n−j}), newest first.
@@ -176,7 +172,7 @@ class WeightTable:
     def __init__(self, rule: FullRule, kernel: Kernel, input: str) -> None:
         self._rule, self._kernel, self._input = rule, kernel, input
         self._built = np.empty(0)  # interior weights, reversed: the newest is the last
-        self._near = np.empty((0, rule._reach))
+        self._near: Floats = np.empty((0, rule._reach))
         self._rows: OrderedDict[int, Floats] = OrderedDict()
         self._spectrum: tuple[int, int, NDArray[np.complex128]] | None = None
         self._lock = threading.RLock()

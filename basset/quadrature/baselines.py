@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from basset.kernels import Kernel
-from basset.quadrature.base import Floats, FullRule
+from basset.kernels import Floats, Kernel
+from basset.quadrature.base import FullRule
 
 
 @dataclass(frozen=True)

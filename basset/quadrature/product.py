@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basset import _validate
-from basset.kernels import Kernel, gauss_legendre
-from basset.quadrature.base import Floats, FullRule
+from basset.kernels import Floats, Kernel, gauss_legendre
+from basset.quadrature.base import FullRule
 
 GAUSS = 16
 FAR = 512  # beyond this lag a weight is a filter over kernel values: with TAPS values the error is below 1e-16
@@ -87,8 +87,10 @@ def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
 
 @lru_cache(maxsize=32)
 def interior_filter(degree: int) -> Floats:
-    """Filter c with w[j] = Σ_q c[q] K(j + q − TAPS//2): the kernel's polynomial through whole lags, integrated against
-    the piecewise basis function of one sample."""
+    """Filter c with w[j] = Σ_q c[q] K(j + q − TAPS//2).
+
+    The kernel's polynomial through whole lags, integrated against the piecewise basis function of one sample.
+    """
     x, w = gauss_legendre(GAUSS)
     centre = degree // 2
     taps = np.arange(TAPS) - float(TAPS // 2)
@@ -175,7 +177,7 @@ class Daitche(FullRule):
 
     @property
     def error_order(self) -> float:
-        """p + 1."""
+        """One more than the degree, p + 1."""
         return self.order + 1.0
 
     @property

@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from basset.kernels import BassetKernel, Kernel
-from basset.quadrature.base import Floats, FullRule
+from basset.kernels import BassetKernel, Floats, Kernel
+from basset.quadrature.base import FullRule
 
 NEAR = 128
 
