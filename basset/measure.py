@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, limit: float = 30.0) -> dict[str, float]:
+def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, patience: float = 1.0) -> dict[str, float]:
     """Seconds per call of each contender: the minimum over rounds that visit all of them in turn.
 
     Parameters
@@ -30,8 +30,8 @@ def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, se
         How often each is visited.
     seconds : float
         Time spent on a contender per visit: short calls are repeated and averaged.
-    limit : float, seconds
-        No further round is begun after this much time.
+    patience : float, seconds
+        A contender whose warm-up takes longer than this is not called again: that one time is its result.
 
     Returns
     -------
@@ -40,21 +40,22 @@ def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, se
     calls: dict[str, int] = {}
     best: dict[str, float] = {}
     for name, call in contenders.items():
-        call()  # warm-up: compilation, caches
-        start = time.perf_counter()
-        call()
-        once = time.perf_counter() - start
-        calls[name], best[name] = max(1, min(10_000, round(seconds / max(once, 1e-7)))), once
-    begun = time.perf_counter()
+        best[name] = once = _timed(call, 1)  # warm-up: compilation, caches
+        if once <= patience:
+            best[name] = once = _timed(call, 1)
+            calls[name] = max(1, min(10_000, round(seconds / max(once, 1e-7))))
     for _ in range(rounds):
-        for name, call in contenders.items():
-            start = time.perf_counter()
-            for _ in range(calls[name]):
-                call()
-            best[name] = min(best[name], (time.perf_counter() - start) / calls[name])
-        if time.perf_counter() - begun > limit:
-            break
+        for name, count in calls.items():
+            best[name] = min(best[name], _timed(contenders[name], count))
     return best
+
+
+def _timed(call: Callable[[], Any], count: int) -> float:
+    """Seconds per call, the mean of `count` calls."""
+    start = time.perf_counter()
+    for _ in range(count):
+        call()
+    return (time.perf_counter() - start) / count
 
 
 def observed_orders(steps: ArrayLike, errors: ArrayLike) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -88,8 +89,19 @@ def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmat
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write atomically: a temporary file beside it, then a rename."""
+    """Write atomically: a temporary file beside it, then a rename. What is not finite becomes null, as JSON has no NaN."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=True) + "\n", encoding="utf-8")
+    partial.write_text(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
     partial.replace(path)
+
+
+def _plain(value: Any) -> Any:
+    """`value` with NumPy numbers and arrays made Python's own, and NaN and infinities made None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -33,8 +33,8 @@ class Hinsberg(Rule):
 
     Examples
     --------
-    >>> Hinsberg(tail=False).weights(2, 1.0).round(12)
-    array([1.333333333333, 1.104569499662, 0.390524291751])
+    >>> Hinsberg(tail=False).weights(2, 1.0).round(4)
+    array([1.3333, 1.1046, 0.3905])
     """
 
     window: float | None = None

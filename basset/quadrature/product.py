@@ -158,8 +158,8 @@ class Daitche(FullRule):
 
     Examples
     --------
-    >>> Daitche(order=1).weights(2, 1.0).round(12)
-    array([1.333333333333, 1.104569499662, 0.390524291751])
+    >>> Daitche(order=1).weights(2, 1.0).round(4)
+    array([1.3333, 1.1046, 0.3905])
     """
 
     order: int = 3

@@ -42,8 +42,8 @@ class SemiDerivative(FullRule):
 
     Examples
     --------
-    >>> SemiDerivative().weights(2, 1.0).round(12)
-    array([1.772453850906, 0.886226925453, 0.            ])
+    >>> SemiDerivative().weights(2, 1.0).round(4)
+    array([1.7725, 0.8862, 0.    ])
     """
 
     name: ClassVar[str] = "semi_derivative"

@@ -42,8 +42,8 @@ class Windowed(Rule):
     Examples
     --------
     >>> from basset import Daitche
-    >>> Windowed(Daitche(order=1), window=1.0).weights(3, 1.0).round(12)
-    array([1.333333333333, 0.666666666667, 0.            , 0.            ])
+    >>> Windowed(Daitche(order=1), window=1.0).weights(3, 1.0).round(4)
+    array([1.3333, 0.6667, 0.    , 0.    ])
     """
 
     rule: FullRule
