@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from basset import __version__
+
 
 def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, patience: float = 1.0) -> dict[str, float]:
     """Seconds per call of each contender: the minimum over rounds that visit all of them in turn.
@@ -78,8 +80,8 @@ def processor() -> str:
 
 def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmath")) -> dict[str, str]:
     """Who measured: command, date, processor, Python and package versions."""
-    found = {"python": platform.python_version()}
-    for package in ("basset", *packages):
+    found = {"python": platform.python_version(), "basset": __version__}
+    for package in packages:
         try:
             found[package] = version(package)
         except PackageNotFoundError:

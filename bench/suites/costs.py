@@ -1,0 +1,67 @@
+"""Do a cached value, a table of weights and a long history cost what they should?"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+
+import basset
+from basset import measure
+from basset.problems import PROBLEMS
+from basset.quadrature.base import TABLES
+from bench.suites.fresnel import RULES
+
+NAME = "costs"
+CACHED, BUILT, HELD = 2**16, 2**18, 10**7
+MEMORY = """
+import resource, sys, basset
+basset.Daitche(int(sys.argv[1])).weights(int(sys.argv[2]), 1.0)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+"""
+
+
+def cached() -> list[dict[str, Any]]:
+    """Seconds of `integrate` with weights in the cache, against numpy.dot of the same length."""
+    g, weights = np.cos(np.linspace(0.0, 50.0, CACHED + 1)), np.ones(CACHED + 1)
+    contenders: dict[str, Any] = {name: lambda rule=rule: basset.integrate(g, 1e-3, rule) for name, rule in RULES.items()}
+    times = measure.interleaved({"numpy.dot": lambda: np.dot(weights, g), **contenders}, rounds=15, seconds=0.005)
+    return [{"scheme": name, "n": CACHED, "seconds": seconds} for name, seconds in times.items()]
+
+
+def building() -> list[dict[str, Any]]:
+    """Seconds to build the weights of every rule from nothing."""
+
+    def build(rule: basset.Rule) -> None:
+        TABLES.clear()
+        rule.weights(BUILT, 1.0)
+
+    times = measure.interleaved({name: lambda rule=rule: build(rule) for name, rule in RULES.items()}, rounds=3, seconds=0.0)
+    return [{"scheme": name, "n": BUILT, "seconds": seconds} for name, seconds in times.items()]
+
+
+def memory(full: bool) -> list[dict[str, Any]]:
+    """Peak bytes of a fresh process that builds many weights, imports included."""
+    records = []
+    for p in (1, 8, 10) if full else (8,):
+        run = subprocess.run([sys.executable, "-c", MEMORY, str(p), str(HELD)], capture_output=True, text=True, check=False)
+        records.append({"order": p, "n": HELD, "bytes": int(run.stdout) if run.returncode == 0 else None})
+    return records
+
+
+def long_time() -> list[dict[str, Any]]:
+    """Error at t = 1e4π with 2^20 steps, weights built and used once."""
+    problem = PROBLEMS["fresnel_long"]
+    arguments = problem.arguments(2**20)
+    truth = float(problem.exact_digits(problem.end, 30))
+    return [
+        {"scheme": name, "n": 2**20, "h": arguments["dt"], "error_end": abs(basset.integrate(**arguments, rule=rule) - truth)} for name, rule in RULES.items()
+    ]
+
+
+def run(full: bool) -> dict[str, Any]:
+    """Overheads, build times, memory and a long history."""
+    TABLES.clear()
+    return {"cached": cached(), "building": building(), "memory": memory(full), "long": long_time()}
