@@ -4,12 +4,14 @@ H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that b
 """
 
 from basset.evaluate import cumulate, integrate
+from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
 from basset.quadrature import (
     SCHEMES,
     Brush,
     Daitche,
     EulerMaclaurin,
+    Exponential,
     Hinsberg,
     Rule,
     SemiDerivative,
@@ -25,6 +27,8 @@ __all__ = [
     "Brush",
     "Daitche",
     "EulerMaclaurin",
+    "Exponential",
+    "ExponentialSum",
     "Hinsberg",
     "Kernel",
     "MeiAdrianKernel",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,9 @@ from numpy.typing import ArrayLike
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature.base import TABLES, Rule, resolve, step_factor, table
+
+if TYPE_CHECKING:
+    from basset.streaming import Plan
 
 _BASSET = BassetKernel()
 
@@ -59,9 +63,12 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     if n < 1:
         raise ValueError(f"g must hold at least two samples (one step) along its first axis, got {len(samples)}")
     jump = _initial_slip(initial_slip, samples, input)
+    if rule._has_tail:
+        return _streamed(samples, dt, rule, kernel, jump)[-1]
     steps = rule._window_steps(dt)
     used = n if steps is None else min(n, steps)
-    oldest, body = table(rule._remembered, kernel.scaled(dt), input).row(used)
+    weights = table(rule._remembered, kernel.scaled(dt), input)
+    oldest, body = weights.row(used)
     split = n - used + len(oldest)
     factor = step_factor(dt, input)
     with np.errstate(all="ignore"):
@@ -75,7 +82,8 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
             result = result - float(kernel(used * dt)) * samples[n - used]
         if jump is not None and used == n:
             result = result + jump * float(kernel(n * dt))
-    if len(body) * 8 > 1 << 20:
+    if weights.grown:
+        weights.grown = False
         TABLES.trim()
     if not np.isfinite(result).all():
         _diagnose(samples[n - used :], n - used)
@@ -110,6 +118,8 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
         raise ValueError("g must hold at least one sample along its first axis, got 0")
     n = len(samples) - 1
     jump = _initial_slip(initial_slip, samples, input)
+    if rule._has_tail:
+        return _with_start(_streamed(samples, dt, rule, kernel, jump), jump)
     steps = rule._window_steps(dt)
     columns = samples.reshape(n + 1, -1)
     weights = table(rule._remembered, kernel.scaled(dt), input)
@@ -132,12 +142,30 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     TABLES.trim()
     if not np.isfinite(result).all():
         _diagnose(samples, 0)
-    start = samples[0] if input == "slip" else jump
-    if start is not None:
+    return _with_start(result, samples[0] if input == "slip" else jump).reshape(samples.shape)
+
+
+def _with_start(history: Floats, slip: Floats | None) -> Floats:
+    """Row 0: 0, or ±inf where there is an initial slip."""
+    if slip is not None:
         with np.errstate(invalid="ignore"):
-            first = np.asarray(start).ravel()
-            result[0] = np.where(first == 0.0, 0.0, np.copysign(np.inf, first))
-    return result.reshape(samples.shape)
+            history[0] = np.where(slip == 0.0, 0.0, np.copysign(np.inf, slip)).reshape(history.shape[1:])
+    return history
+
+
+def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floats | None) -> Floats:
+    """H at every node by streaming: for rules whose far memory is a sum of exponentials."""
+    plan = _plan(rule, dt, max(1, len(samples) - 1), kernel)
+    state = plan.start(samples.shape[1:])
+    first = plan.run(state, samples[:1])
+    if jump is not None:
+        plan.jump(state, jump)
+    return np.concatenate([first, plan.run(state, samples[1:])])
+
+
+@lru_cache(maxsize=16)
+def _plan(rule: Rule, dt: float, steps: int, kernel: Kernel) -> Plan:
+    return rule.plan(dt, steps * dt, kernel)
 
 
 def _valid_convolution(columns: Floats, row: Floats) -> Floats:
@@ -160,9 +188,9 @@ def _converted(name: str, value: Any) -> Floats:
     """`value` as a float64 array; what does not hold real numbers is refused."""
     try:
         array = np.asarray(value)
-        if array.dtype == object:
-            array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+        if array.dtype == object and not any(isinstance(entry, (str, bytes, bool, np.bool_)) or entry is None for entry in array.flat):
+            array = array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be an array of real numbers with equal rows, got {_validate.shown(value)}") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{name} must be an array of real numbers, got {_validate.shown(value)} (dtype {array.dtype})")

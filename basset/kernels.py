@@ -228,6 +228,8 @@ class MeiAdrianKernel(Kernel):
 
     def _bend(self, s: Floats) -> Floats:
         """(C s^(3/2))^(1/c1), overflowing to infinity where K underflows to zero."""
+        if self.steepness == 0.0:  # also at infinite lag
+            return np.zeros_like(s)
         with np.errstate(over="ignore"):
             return np.asarray((self.steepness ** (2.0 / 3.0) * s) ** (1.5 / self.c1))
 
@@ -253,4 +255,4 @@ class MeiAdrianKernel(Kernel):
         low, width = edges[:-1, None], np.diff(edges)[:, None]
         s = low + width * x
         weights = width * w * self._values(s)
-        return ((s - near) / (far - near)).ravel(), weights.ravel()
+        return (((low - near) + width * x) / (far - near)).ravel(), weights.ravel()

@@ -5,12 +5,13 @@ from __future__ import annotations
 from basset import _validate
 from basset.quadrature.base import Rule
 from basset.quadrature.baselines import Brush, EulerMaclaurin
+from basset.quadrature.exponential import Exponential
 from basset.quadrature.hinsberg import Hinsberg
 from basset.quadrature.product import Daitche
 from basset.quadrature.semi_derivative import SemiDerivative
 from basset.quadrature.windowed import Windowed
 
-__all__ = ["SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Hinsberg", "Rule", "SemiDerivative", "UnknownSchemeError", "Windowed"]
+__all__ = ["SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "Rule", "SemiDerivative", "UnknownSchemeError", "Windowed"]
 
 
 class UnknownSchemeError(KeyError, ValueError):
@@ -30,4 +31,4 @@ class _Schemes(dict[str, type[Rule]]):
         raise UnknownSchemeError(f"scheme must be one of {', '.join(map(repr, self))}, got {name!r}{near}")
 
 
-SCHEMES: dict[str, type[Rule]] = _Schemes({rule.name: rule for rule in (SemiDerivative, EulerMaclaurin, Brush, Daitche, Hinsberg, Windowed)})
+SCHEMES: dict[str, type[Rule]] = _Schemes({rule.name: rule for rule in (SemiDerivative, EulerMaclaurin, Brush, Daitche, Hinsberg, Windowed, Exponential)})

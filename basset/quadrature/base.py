@@ -15,7 +15,7 @@ import abc
 import math
 import threading
 from collections import OrderedDict
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import scipy.fft
@@ -24,6 +24,10 @@ from numpy.typing import NDArray
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature.cache import ByteCache
+
+if TYPE_CHECKING:
+    from basset.exponentials import ExponentialSum
+    from basset.streaming import Plan
 
 INPUTS = ("rate", "slip")
 
@@ -67,6 +71,15 @@ class Rule(abc.ABC):
     def _window_steps(self, dt: float) -> int | None:
         """Whole steps that are remembered, None for all of them."""
 
+    @property
+    def _has_tail(self) -> bool:
+        """Whether a sum of exponentials stands for the kernel beyond the window."""
+        return False
+
+    def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
+        """That sum, valid to `horizon`."""
+        return None
+
     def _accept(self, kernel: Kernel, input: str) -> None:
         """Refuse a kernel or an input that the method has no form for."""
         if not isinstance(kernel, Kernel):
@@ -101,6 +114,8 @@ class Rule(abc.ABC):
         n = _validate.integer("n", n, 1)
         dt = _validate.positive("dt", dt, "seconds")
         self._accept(kernel, input)
+        if self._has_tail:
+            return self.plan(dt, n * dt, kernel).weights(n)
         steps = self._window_steps(dt)
         used = n if steps is None else min(n, steps)
         result = np.zeros(n + 1)
@@ -112,6 +127,33 @@ class Rule(abc.ABC):
             result[used] -= float(kernel(used * dt))
         TABLES.trim()
         return result
+
+    def plan(self, dt: float, horizon: float, kernel: Kernel = BassetKernel()) -> Plan:
+        """Make the rule ready to stream: all set-up happens here.
+
+        Parameters
+        ----------
+        dt : float, seconds
+            Step size.
+        horizon : float, seconds
+            The longest time that will be remembered, counted from the first sample. A window without tail, and a published
+            tail, run on beyond it.
+        kernel : Kernel
+            What is remembered.
+
+        Returns
+        -------
+        basset.streaming.Plan
+
+        Raises
+        ------
+        ValueError, TypeError
+            If dt or horizon is not positive, the rule has no form for the kernel, the window is shorter than a step, or
+            the tail was made for another kernel or does not reach from the window to the horizon.
+        """
+        from basset.streaming import Plan
+
+        return Plan(self, dt, horizon, kernel)
 
 
 class FullRule(Rule):
@@ -176,12 +218,12 @@ class WeightTable:
         self._rows: OrderedDict[int, Floats] = OrderedDict()
         self._spectrum: tuple[int, int, NDArray[np.complex128]] | None = None
         self._lock = threading.RLock()
+        self.nbytes = 0
+        self.grown = False  # since the cache was last trimmed
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        rows = sum(row.nbytes for row in self._rows.values())
-        return self._built.nbytes + self._near.nbytes + rows + (self._spectrum[2].nbytes if self._spectrum else 0)
+    def _grew(self, array: NDArray[Any], instead_of: int = 0) -> None:
+        self.nbytes += array.nbytes - instead_of
+        self.grown = True
 
     def interior(self, count: int) -> Floats:
         """The `count` newest interior weights, the newest last: a view, a prefix of what is kept."""
@@ -192,6 +234,7 @@ class WeightTable:
                 grown = np.empty(size)
                 grown[size - have :] = self._built
                 grown[: size - have] = self._rule._interior(have, size, self._kernel, self._input)[::-1]
+                self._grew(grown, self._built.nbytes)
                 self._built = grown
             return self._built[len(self._built) - count :]
 
@@ -206,8 +249,8 @@ class WeightTable:
                 else:
                     oldest = rule._oldest(np.array([n]), self._kernel, self._input)[0]
                 self._rows[n] = oldest
-                if len(self._rows) > self.remembered_rows:
-                    self._rows.popitem(last=False)
+                dropped = self._rows.popitem(last=False)[1].nbytes if len(self._rows) > self.remembered_rows else 0
+                self._grew(oldest, dropped)
         return oldest, self.interior(n + 1 - len(oldest))
 
     def trajectory(self, samples: Floats) -> Floats:
@@ -225,23 +268,27 @@ class WeightTable:
             product = scipy.fft.rfft(samples[reach:], size, axis=0) * self._transformed(count, size)[:, None]
             result[first:] = scipy.fft.irfft(product, size, axis=0)[first - reach : count]
         near = int(min(n, rule._far - 1))
-        result[first : near + 1] += self._oldest_rows(near) @ samples[:reach]
+        result[first : near + 1] += self.oldest_rows(near) @ samples[:reach]
         if n > near:
             result[near + 1 :] += rule._oldest_sum(near + 1, n, samples[:reach], self._kernel, self._input)
         return result
 
-    def _oldest_rows(self, last: int) -> Floats:
+    def oldest_rows(self, last: int) -> Floats:
         """Weights of the oldest samples for every row from the first that splits to `last`."""
         count = last + 1 - self._rule._first
         with self._lock:
             if len(self._near) < count:
-                self._near = self._rule._oldest(np.arange(self._rule._first, last + 1), self._kernel, self._input)
+                near = self._rule._oldest(np.arange(self._rule._first, last + 1), self._kernel, self._input)
+                self._grew(near, self._near.nbytes)
+                self._near = near
             return self._near[:count]
 
     def _transformed(self, count: int, size: int) -> NDArray[np.complex128]:
         with self._lock:
             if self._spectrum is None or self._spectrum[:2] != (count, size):
-                self._spectrum = (count, size, scipy.fft.rfft(self.interior(count)[::-1], size))
+                spectrum = scipy.fft.rfft(self.interior(count)[::-1], size)
+                self._grew(spectrum, self._spectrum[2].nbytes if self._spectrum else 0)
+                self._spectrum = (count, size, spectrum)
             return self._spectrum[2]
 
 

@@ -54,8 +54,8 @@ def panel_basis(degree: int) -> tuple[Floats, Floats]:
     return np.stack([values for values, _ in pairs]), np.stack([slopes for _, slopes in pairs])
 
 
-def panel_integrals(panels: int, degree: int, kernel: Kernel, input: str) -> Floats:
-    """∫ K L_i over panel [k, k+1] for every position of the panel in its stencil: (k, o, i), unit step.
+def panel_integrals(first: int, last: int, degree: int, kernel: Kernel, input: str = "rate") -> Floats:
+    """∫ K L_i over panels [k, k+1], first ≤ k < last, for every position o of a panel in its stencil: (k, o, i), unit step.
 
     For slips −∫ K dL_i/ds: lag runs against time. Panel 0 is singular and always first in its stencil; its other
     positions are left at zero.
@@ -63,19 +63,19 @@ def panel_integrals(panels: int, degree: int, kernel: Kernel, input: str) -> Flo
     x, w = gauss_legendre(GAUSS)
     basis = panel_basis(degree)[0 if input == "rate" else 1]
     sign = 1.0 if input == "rate" else -1.0
-    result = np.zeros((panels, degree, degree + 1))
-    if panels > 1:
-        lags = np.arange(1.0, panels)[:, None] + x
-        result[1:] = sign * np.einsum("kq,oqi->koi", kernel._values(lags) * w, basis, optimize=True)
-    x, w = kernel.rule(0.0, 1.0)
-    result[0, 0] = sign * (w @ lagrange(np.arange(degree + 1.0), x)[0 if input == "rate" else 1])
+    result = np.zeros((last - first, degree, degree + 1))
+    regular = np.arange(max(first, 1), last)
+    result[regular - first] = sign * np.einsum("kq,oqi->koi", kernel._values(regular[:, None] + x) * w, basis, optimize=True)
+    if first == 0:
+        x, w = kernel.rule(0.0, 1.0)
+        result[0, 0] = sign * (w @ lagrange(np.arange(degree + 1.0), x)[0 if input == "rate" else 1])
     return result
 
 
 def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
     """The whole row (n+1,), newest first, panel by panel: for histories of a few steps; the degree the samples allow."""
     degree = min(degree, n)
-    integrals = panel_integrals(n, degree, kernel, input)
+    integrals = panel_integrals(0, n, degree, kernel, input)
     row = np.zeros(n + 1)
     for k in range(n):
         start = min(max(k - degree // 2, 0), n - degree)
@@ -126,11 +126,20 @@ def oldest_basis(degree: int) -> tuple[Floats, Floats]:
 
 @lru_cache(maxsize=32)
 def oldest_filter(degree: int) -> tuple[Floats, Floats]:
-    """The oldest samples' weights as filters over kernel values at whole lags: (taps relative to n, coefficients)."""
+    """The oldest samples' weights as filters over kernel values at whole lags: (taps relative to n, coefficients).
+
+    Each panel has its own TAPS values around it: one set for all would extrapolate at high degree.
+    """
     lags, basis = oldest_basis(degree)
-    middle = round(float(lags[0]) / 2.0)
-    taps = middle + np.arange(TAPS) - float(TAPS // 2)
-    return taps, lagrange(taps, lags)[0].T @ basis
+    first, panels = int(np.floor(lags[0])), len(lags) // GAUSS
+    half = TAPS // 2
+    taps = np.arange(first - half, first + panels + half, dtype=np.float64)
+    coefficients = np.zeros((len(taps), degree + 1))
+    for panel in range(panels):
+        part = slice(panel * GAUSS, (panel + 1) * GAUSS)
+        local = taps[panel : panel + TAPS]
+        coefficients[panel : panel + TAPS] += lagrange(local, lags[part])[0].T @ basis[part]
+    return taps, coefficients
 
 
 @dataclass(frozen=True)
@@ -209,7 +218,7 @@ class Daitche(FullRule):
         """Interior weights 0 … FAR−1 from panel integrals."""
         degree, centre = self.order, self.order // 2
         panels = FAR + centre
-        integrals = panel_integrals(panels, degree, kernel, input)
+        integrals = panel_integrals(0, panels, degree, kernel, input)
         result = np.zeros(panels + degree + 1)
         for k in range(centre):  # stencils shifted inwards at the newest sample
             result[: degree + 1] += integrals[k, k]

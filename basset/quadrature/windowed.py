@@ -1,4 +1,4 @@
-"""A finite memory: a full-history rule on the newest stretch of time."""
+"""A full-history rule on the newest stretch of time; what is older is dropped or left to a sum of exponentials."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from basset import _validate
+from basset.exponentials import ExponentialSum
+from basset.kernels import Kernel
 from basset.quadrature.base import FullRule, Rule
+from basset.quadrature.product import Daitche
 
 
 def whole_steps(window: float, dt: float) -> int:
@@ -16,28 +19,43 @@ def whole_steps(window: float, dt: float) -> int:
     return max(round(window / dt), 1)
 
 
+def checked_tail(tail: ExponentialSum, start: float, horizon: float, kernel: Kernel) -> ExponentialSum:
+    """`tail` if it stands for `kernel` from `start` to `horizon` seconds."""
+    if tail.kernel != kernel:
+        raise ValueError(f"tail must be a sum for the kernel {kernel!r}, got one for {tail.kernel!r}")
+    if tail.near > start * (1.0 + 1e-9):
+        raise ValueError(f"tail must begin at the window's end, {start:g} seconds, or before, got near = {tail.near:g}")
+    if tail.far < horizon * (1.0 - 1e-9):
+        raise ValueError(f"tail must reach the horizon, {horizon:g} seconds, got far = {tail.far:g}")
+    return tail
+
+
 @dataclass(frozen=True)
 class Windowed(Rule):
-    """A rule on the newest `window` seconds; what is older is dropped (K = 0 beyond the window).
+    """A rule on the newest `window` seconds; beyond it K is replaced by a sum of exponentials, or by 0.
 
-    The window is rounded to whole steps. Samples older than it are not read, and a jump older than it (the initial slip)
-    is forgotten. `error_order` is the rule's own, towards the *windowed* integral; the dropped part is an error that no
-    step size removes.
+    The window is rounded to whole steps. Without a tail, samples older than the window are not read and a jump older
+    than it (the initial slip) is forgotten: `error_order` is then the rule's own, towards the *windowed* integral, and
+    the dropped part is an error that no step size removes. With a tail the same polynomials are integrated against the
+    sum: |error| grows by at most rtol·∫K|g| over the tail, and memory and time per step do not grow with the history.
 
     Parameters
     ----------
     rule : Rule
-        A full-history rule, such as Daitche(order=2).
+        A full-history rule, such as Daitche(order=2); with a tail a Daitche rule.
     window : float, seconds
-        The memory time, greater than 0.
+        The memory time, greater than 0; with a tail at least order//2 + 1 steps.
+    tail : ExponentialSum or None
+        What stands for the kernel beyond the window; None drops it.
 
     Raises
     ------
     ValueError, TypeError
-        If the window is not positive or `rule` is no full-history rule; when used, if the window is shorter than a step.
+        If a parameter is of the wrong kind; when used, if the window is too short for the step or the tail is made for
+        another kernel or range.
 
     References: Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513 (T_back); Dorgan & Loth (2007), Int. J.
-    Multiphase Flow 33, 833; thesis eq. 5-12.
+    Multiphase Flow 33, 833; van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465; thesis eqs. 5-12, 5-13.
 
     Examples
     --------
@@ -48,6 +66,7 @@ class Windowed(Rule):
 
     rule: FullRule
     window: float
+    tail: ExponentialSum | None = None
 
     name: ClassVar[str] = "windowed"
     references: ClassVar[tuple[str, ...]] = (
@@ -59,6 +78,12 @@ class Windowed(Rule):
         if not isinstance(self.rule, FullRule):
             raise TypeError(f"rule must be a full-history rule such as basset.Daitche(order=2), got {_validate.shown(self.rule)}")
         object.__setattr__(self, "window", _validate.positive("window", self.window, "seconds"))
+        if self.tail is None:
+            return
+        if not isinstance(self.tail, ExponentialSum):
+            raise TypeError(f"tail must be an ExponentialSum or None, got {_validate.shown(self.tail)}")
+        if not isinstance(self.rule, Daitche):
+            raise TypeError(f"rule must be a Daitche rule where there is a tail, got {_validate.shown(self.rule)}: only its polynomials fit the sum")
 
     @property
     def error_order(self) -> float:
@@ -67,12 +92,23 @@ class Windowed(Rule):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Those of the rule inside."""
-        return self.rule.inputs
+        """Those of the rule inside; rates only with a tail."""
+        return self.rule.inputs if self.tail is None else ("rate",)
 
     @property
     def _remembered(self) -> FullRule:
         return self.rule
 
     def _window_steps(self, dt: float) -> int | None:
-        return whole_steps(self.window, dt)
+        steps = whole_steps(self.window, dt)
+        least = self.rule.order // 2 + 1 if isinstance(self.rule, Daitche) and self.tail is not None else 1
+        if steps < least:
+            raise ValueError(f"window must be at least {least} steps of dt = {dt:g} seconds under a tail, got {self.window:g}")
+        return steps
+
+    @property
+    def _has_tail(self) -> bool:
+        return self.tail is not None
+
+    def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
+        return None if self.tail is None else checked_tail(self.tail, whole_steps(self.window, dt) * dt, horizon, kernel)

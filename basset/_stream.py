@@ -1,0 +1,142 @@
+"""The compiled inner loops of a stream: one sample of one component at a time.
+
+Layout, chosen so that a component's whole state lies in a few cache lines and sums run over contiguous memory:
+samples (components, S): a ring of B = L+1 slots written twice, B apart, so that the last B samples are always one
+contiguous stretch (S = 2B); a stream of the whole history never wraps (S = B). terms (components, T): the exponentials'
+states. future (components, R): a ring of what earlier stretches of the signal still add, slot node % R; the newest
+node's slot is kept until the next sample comes.
+
+Decay is applied as a loss 1 − exp(−λ dt): a rate that changes little in a step then keeps all its digits over 1e6 steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from basset._compile import compiled
+
+TILE = 8  # components advanced together: one cache line of a block of samples
+
+
+def _make_dot(digest: str) -> Callable[..., Any]:
+    def dot(weights, first_weight, samples, first_sample, count):  # type: ignore[no-untyped-def]
+        digest  # noqa: B018 - part of the cache key
+        total = 0.0
+        for i in range(count):
+            total += weights[first_weight + i] * samples[first_sample + i]
+        return total
+
+    return dot
+
+
+dot = compiled(_make_dot, reassociate=True)
+
+
+def _make_advance(digest: str) -> Callable[..., Any]:
+    def advance(terms, loss, gain, sample):  # type: ignore[no-untyped-def]
+        digest  # noqa: B018
+        total = 0.0
+        for i in range(len(terms)):
+            term = terms[i] + (gain[i] * sample - loss[i] * terms[i])
+            terms[i] = term
+            total += term
+        return total
+
+    return advance
+
+
+advance = compiled(_make_advance, reassociate=True)
+
+
+def _make_row(digest: str) -> Callable[..., Any]:
+    def row(n, samples, short, oldest, interior):  # type: ignore[no-untyped-def]
+        """Start-up: the whole-history row n over samples[0 … n]."""
+        digest  # noqa: B018
+        if n < len(short):
+            return dot(short[n], 0, samples, 0, n + 1)
+        reach = oldest.shape[1]
+        count = n + 1 - reach
+        return dot(oldest[n - len(short)], 0, samples, 0, reach) + dot(interior, len(interior) - count, samples, reach, count)
+
+    return row
+
+
+row = compiled(_make_row)
+
+
+def _make_run(digest: str) -> Callable[..., Any]:
+    def run(  # type: ignore[no-untyped-def]
+        samples, terms, future, count, node, pending, rates, history, slots, short, oldest, interior, steady, fixed, loss, gain, entry
+    ):
+        """Advance every component by all rows of `rates` (steps, components); H into `history`, same shape."""
+        digest  # noqa: B018
+        steps, components = rates.shape
+        mirrored = samples.shape[1] > slots
+        ring = future.shape[1]
+        for first in range(0, components, TILE):
+            last = min(first + TILE, components)
+            for step in range(steps):
+                n = count + step
+                position = n % slots
+                for c in range(first, last):
+                    rate = rates[step, c]
+                    samples[c, position] = rate
+                    if mirrored:
+                        samples[c, position + slots] = rate
+                    if n > steady:
+                        oldest_sample = samples[c, position + 1]
+                        value = dot(fixed, 0, samples[c], position + 1, slots) + advance(terms[c], loss, gain, oldest_sample)
+                    elif n < steady:
+                        value = row(n, samples[c], short, oldest, interior) + advance(terms[c], loss, gain, 0.0)
+                    else:
+                        value = dot(fixed, slots - 1 - n, samples[c], 0, n + 1)
+                        for i in range(len(terms[c])):
+                            terms[c, i] += dot(entry[i], 0, samples[c], 0, n + 1) - loss[i] * terms[c, i]
+                            value += terms[c, i]
+                    if step <= pending:
+                        future[c, (node + step - 1) % ring] = 0.0
+                        value += future[c, (node + step) % ring]
+                    history[step, c] = value
+
+    return run
+
+
+run = compiled(_make_run)
+
+
+def _make_peek(digest: str) -> Callable[..., Any]:
+    def peek(  # type: ignore[no-untyped-def]
+        samples, terms, future, n, node, pending, slots, short, oldest, interior, steady, fixed, loss, gain, entry, result
+    ):
+        """H at the node after the newest for a next sample of zero, into `result` (components,); nothing is changed."""
+        digest  # noqa: B018
+        for c in range(len(samples)):
+            value = 0.0
+            if pending > 0:
+                value = future[c, node % future.shape[1]]
+            for i in range(terms.shape[1]):
+                value += terms[c, i] - loss[i] * terms[c, i]
+            if n > steady:
+                begin = n % slots + 1  # of the newest slots − 1 samples
+                value += dot(fixed, 0, samples[c], begin, slots - 1)
+                for i in range(terms.shape[1]):
+                    value += gain[i] * samples[c, begin]
+            elif n < steady:
+                if n < len(short):
+                    value += dot(short[n], 0, samples[c], 0, n)
+                else:
+                    reach = oldest.shape[1]
+                    count = n + 1 - reach
+                    value += dot(oldest[n - len(short)], 0, samples[c], 0, reach)
+                    value += dot(interior, len(interior) - count, samples[c], reach, count - 1)
+            else:
+                value += dot(fixed, slots - 1 - n, samples[c], 0, n)
+                for i in range(terms.shape[1]):
+                    value += dot(entry[i], 0, samples[c], 0, n)
+            result[c] = value
+
+    return peek
+
+
+peek = compiled(_make_peek)
