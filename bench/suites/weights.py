@@ -50,6 +50,12 @@ def accuracy(full: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     return records, worst
 
 
+def same_weights(n: int = 4096) -> dict[str, float]:
+    """Largest relative difference between thesis eqs. 5-7 and 5-11: as coded in double, and 5-11 from quadruple precision."""
+    hinsberg = published.hinsberg(n)
+    return {"n": n} | {a: np.abs(published.daitche(1, n, a) / hinsberg - 1.0).max() for a in ("double", "quad")}
+
+
 def _ours(p: int, n: int) -> None:
     TABLES.clear()
     basset.Daitche(p).weights(n, 1.0)
@@ -74,4 +80,4 @@ def building(full: bool) -> list[dict[str, Any]]:
 def run(full: bool) -> dict[str, Any]:
     """Error by lag and time by length."""
     errors, worst = accuracy(full)
-    return {"errors": errors, "worst": worst, "building": building(full), "quad_digits": published.QUAD_DIGITS}
+    return {"errors": errors, "worst": worst, "building": building(full), "same": same_weights(), "quad_digits": published.QUAD_DIGITS}

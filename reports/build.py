@@ -1,0 +1,340 @@
+"""`python -m reports.build`: the pages and figures from the JSON in reports/data. Nothing is timed here.
+
+The prose is in reports/templates; every number in it is computed here.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+from reports import analysis, figures
+from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select
+
+HERE = Path(__file__).resolve().parent
+NEAR = 1.3  # times within this factor are not told apart: timings on shared machines scatter
+
+
+def load(folder: Path) -> dict[str, Record]:
+    """Every suite's JSON by name."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
+
+
+def fill(template: str, **values: Any) -> str:
+    """A template with its fields filled."""
+    return (HERE / "templates" / template).read_text(encoding="utf-8").rstrip().format(**values)
+
+
+def write(path: Path, text: str) -> None:
+    """Write atomically."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(text.rstrip() + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") -> str:
+    """A Markdown table."""
+    return "\n".join(indent + "| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def grouped(number: float) -> str:
+    """A whole number in groups of three."""
+    return f"{number:,.0f}".replace(",", " ")
+
+
+def factor(ratio: float) -> str:
+    """A ratio with two digits."""
+    return f"{ratio:.2g}" if ratio < 100 else grouped(float(f"{ratio:.2g}"))
+
+
+def cheapest(records: Sequence[Record], tolerance: float) -> str:
+    """The cheapest rules for a tolerance, as a table cell."""
+    ranked = analysis.ranking(records, tolerance)
+    if not ranked:
+        return "none within the time"
+    first = ranked[0]
+    ties = [r["scheme"] for r in ranked[1:] if r["seconds"] <= NEAR * first["seconds"]]
+    return f"**{first['scheme']}**, N = {grouped(first['n'])}, {seconds(first['seconds'])}" + (f"; as good: {', '.join(ties)}" if ties else "")
+
+
+def summary(generic: Sequence[Record]) -> str:
+    """Which rule is cheapest for which error, under three clocks."""
+    groups: dict[str, Sequence[Record]] = {
+        "weights cached": select(generic, clock=CACHED),
+        "cold: weights built by basset": select(generic, clock=COLD),
+        "cold: weights built as published": analysis.thesis_clock(generic),
+    }
+    rows = [[f"{tolerance:.0e}", *(cheapest(group, tolerance) for group in groups.values())] for tolerance in TOLERANCES]
+    return table(["largest error", *groups], rows)
+
+
+def opening(data: dict[str, Record], generic: Sequence[Record]) -> str:
+    """The three sentences to take away."""
+    cached = select(generic, clock=CACHED)
+    best, high = analysis.ranking(cached, 1e-9)[0], analysis.ranking(cached, 1e-6)[0]
+    low = analysis.reaches(select(cached, scheme="Hinsberg"), 1e-6)
+    built = next(r for r in data["costs"]["building"] if r["scheme"] == "Daitche(8)")
+    return fill(
+        "opening.md",
+        best=best["scheme"],
+        best_n=grouped(best["n"]),
+        best_time=seconds(best["seconds"]),
+        high=high["scheme"],
+        more=factor(low["n"] / high["n"]) if low else "far more than a hundred",
+        same=f"{data['weights']['same']['quad']:.0e}",
+        worst=f"{max(r['error'] for r in data['weights']['worst']):.0e}",
+        built_n=grouped(built["n"]),
+        built=seconds(built["seconds"]),
+    )
+
+
+def ratio_over(records: Sequence[Record], clock: str, above: str, below: str, smallest: int = 512) -> float:
+    """Median over N of the ratio of two schemes' times."""
+    pairs = []
+    for record in select(records, scheme=above, clock=clock):
+        other = select(records, scheme=below, clock=clock, n=record["n"])
+        if record["n"] >= smallest and other and record["seconds"] and other[0]["seconds"]:
+            pairs.append(record["seconds"] / other[0]["seconds"])
+    return statistics.median(pairs)
+
+
+def build_shares(records: Sequence[Record]) -> str:
+    """The share of building in the thesis's clock, for each published rule at the largest N that was timed."""
+    parts = []
+    for name in ("Hinsberg", "Daitche(1)", "Daitche(2)", "Daitche(3)"):
+        record = select(records, scheme=name, clock=PUBLISHED)[-1]
+        cached = select(records, scheme=name, clock=CACHED, n=record["n"])[0]["seconds"]
+        parts.append(f"{name} {1.0 - cached / record['seconds']:.1%} (N = {grouped(record['n'])})")
+    return ", ".join(parts)
+
+
+def lost_digits(errors: Sequence[Record]) -> str:
+    """From which lag on the published formulas have no digit left."""
+    parts = []
+    for order in (2, 3):
+        lags = [r["lag"] for r in errors if r["builder"] == "double" and r["order"] == order and r["error"] >= 1.0]
+        if lags:
+            parts.append(f"the formula for error h^{order + 1} has no digit left from j ≈ {grouped(min(lags))} on")
+    return ", ".join(parts)
+
+
+def semi_derivative(generic: Sequence[Record]) -> dict[str, str]:
+    """The thesis's 20 % re-measured, at equal N and at equal accuracy."""
+    rivals = BASELINES[:2]
+    largest = max(r["n"] for r in generic if r["seconds"] is not None)
+
+    def shares(clock: str) -> str:
+        return " and ".join(f"{ratio_over(generic, clock, 'semi-derivative', name):.2f} × the time of {name}" for name in rivals)
+
+    def cell(name: str, tolerance: float) -> str:
+        warm, cold = (analysis.reaches(select(generic, scheme=name, clock=clock), tolerance) for clock in (CACHED, COLD))
+        return f"{grouped(warm['n'])}: {seconds(warm['seconds'])}, {seconds(cold['seconds'])}" if warm and cold else f"more than {grouped(largest)}"
+
+    winners = []
+    for tolerance in (1e-1, 1e-2, 1e-3):
+        found = {name: analysis.reaches(select(generic, scheme=name, clock=CACHED), tolerance) for name in BASELINES}
+        needed = {name: record["n"] for name, record in found.items() if record}
+        least = [name for name in needed if needed[name] == min(needed.values())]
+        winners.append(f"{' and '.join(least)} for {tolerance:.0e}")
+    rows = [[f"{tolerance:.0e}", *(cell(name, tolerance) for name in BASELINES)] for tolerance in (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)]
+    return {
+        "semi_cached": shares(CACHED),
+        "semi_cold": shares(COLD),
+        "semi_winners": ", ".join(winners),
+        "semi_table": table(["largest error", *BASELINES], rows, "  "),
+    }
+
+
+def differences(data: dict[str, Record], generic: Sequence[Record]) -> dict[str, str]:
+    """The numbers of the section on the thesis."""
+    same, weights = data["weights"]["same"], data["weights"]
+    quad = select(generic, scheme="Daitche(3)", clock=PUBLISHED)[-1]
+    ours = select(generic, scheme="Daitche(3)", clock=COLD, n=quad["n"])[0]
+    worst = {f"worst_{p}": f"{max(r['error'] for r in weights['worst'] if r['order'] == p):.0e}" for p in (1, 2, 3)}
+    return worst | {
+        "same_n": grouped(same["n"]),
+        "same_quad": f"{same['quad']:.0e}",
+        "same_double": f"{same['double']:.0e}",
+        "same_cached": f"{ratio_over(generic, CACHED, 'Daitche(1)', 'Hinsberg'):.2f}",
+        "same_cold": f"{ratio_over(generic, PUBLISHED, 'Daitche(1)', 'Hinsberg'):.2f}",
+        "build_shares": build_shares(generic),
+        "lost": lost_digits(weights["errors"]),
+        "largest_lag": grouped(max(r["lag"] for r in weights["errors"])),
+        "quad_n": grouped(quad["n"]),
+        "quad_ours": seconds(ours["seconds"]),
+        "quad_published": seconds(quad["seconds"]),
+        "quad_digits": str(weights["quad_digits"]),
+        "quad_limit": f"N = {grouped(quad['n'])}",
+    }
+
+
+def orders(records: Sequence[Record]) -> str:
+    """Declared and measured orders, floors."""
+    rows = []
+    for row in analysis.convergence(records):
+        floor = f"{row.floor:.0e}" if row.floor else f"not reached ({row.best:.0e})"
+        rows.append([row.scheme, f"{row.declared:g}", f"{row.slope:.2f}", f"{row.slope_end:.2f}", floor])
+    return table(["rule", "declared", "largest error of the second half to 50π + 1", "t = 50π alone", "floor"], rows)
+
+
+def weights_worst(worst: Sequence[Record]) -> str:
+    """The worst weight by degree and region."""
+    regions = list(dict.fromkeys(r["region"] for r in worst if not r["region"].startswith("oldest")))
+    rows = []
+    for order in sorted({r["order"] for r in worst}):
+        found = {r["region"]: r["error"] for r in worst if r["order"] == order}
+        oldest = next(error for region, error in found.items() if region.startswith("oldest"))
+        rows.append([str(order), *(f"{found[region]:.1e}" for region in regions), f"{oldest:.1e}"])
+    return table(["degree p", *regions, "oldest 2p + 2"], rows)
+
+
+def path_numbers(trajectory: Record) -> dict[str, str]:
+    """The numbers of the section on paths."""
+    lengths = sorted({r["n"] for r in trajectory["ratios"]})
+    slowest = {n: max(r["cumulate"] / r["fftconvolve"] for r in trajectory["ratios"] if r["n"] == n) for n in lengths}
+    early = select(trajectory["records"], scheme="Daitche(8)", method="fft", n=4096)[0]
+    return {
+        "ratios": ", ".join(f"{ratio:.1f} × at 2^{n.bit_length() - 1}" for n, ratio in slowest.items()),
+        "early_n": grouped(early["n"]),
+        "early_max": f"{early['error_max']:.0e}",
+        "early_path": f"{early['error_path']:.0e}",
+    }
+
+
+def footer(data: dict[str, Record]) -> str:
+    """Who measured: one line per command and machine."""
+    lines: dict[str, list[str]] = {}
+    for name, content in data.items():
+        found = content["provenance"]
+        lines.setdefault(f"`{found['command']}`, {found['date']}, {found['processor']}, one thread, {found['versions']}", []).append(name)
+    measured = "\n".join(f"* {', '.join(names)}: {line}" for line, names in lines.items())
+    return (
+        f"---\n\nMade by `make report` (`python -m bench`, then `python -m reports.build`; matplotlib {mpl.__version__}) "
+        f"from [data/](data/), measured by:\n\n{measured}"
+    )
+
+
+def remarks(found: Record) -> str:
+    """What the peers' own rows show beyond time."""
+    parts = []
+    single = [r for r in found["records"] if r["peer"].startswith("marge3d") and r["single"]]
+    if single:
+        best, last = min(single, key=lambda r: r["error"]), single[-1]
+        parts.append(
+            f"The cancellation of the published formulas is real: marge3d forms its coefficients of fourth error order in double precision, is good to "
+            f"{best['error']:.0e} at N = {grouped(best['n'])} and wrong by {last['error']:.2g} at N = {grouped(last['n'])}."
+        )
+    if any(r["peer"] == "differint GL" and r["status"] == "disagrees" for r in found["status"]):
+        parts.append("differint's GL multiplies transforms that are not padded: the end of the path leaks into its start, on this problem by more than |H|/2.")
+    return " ".join(parts)
+
+
+def peers(data: dict[str, Record]) -> str:
+    """Other packages, if they were measured."""
+    if "peers" not in data:
+        return "## Other packages\n\nNot measured here: `make report-full` installs and measures them."
+    found = data["peers"]
+    race = {r["contender"]: r["seconds"] for r in found["races"]["trajectory"]}
+    own = {name: value for name, value in race.items() if name.startswith("basset")}
+    fastest = min((value for name, value in race.items() if name not in own), default=float("nan"))
+    status = [
+        [
+            r["peer"],
+            str(r["steps"]),
+            "–" if r["error"] is None else f"{r['error']:.1e}",
+            f"{r['tolerance']:.0e}",
+            f"{r['status']}: {r['reason']}" if r["reason"] else r["status"],
+        ]
+        for r in found["status"]
+    ]
+    races = [
+        [title, r["contender"], grouped(r["n"]), seconds(r["seconds"]), f"{r['error']:.0e}"]
+        for title, key in (("every node", "trajectory"), ("one value", "value"))
+        for r in sorted(found["races"][key], key=lambda r: r["seconds"])
+    ]
+    target, ratio = f"{found['target']:.0e}", factor(fastest / min(own.values()))
+    return fill(
+        "peers.md",
+        nodes=found["nodes"],
+        target=target,
+        ratio=ratio,
+        ratio_anew=factor(fastest / max(own.values())),
+        figure=save(figures.peers(found["records"], found["target"], f"{ratio} times"), "peers"),
+        races=table(["problem", "contender", "N", f"time to {target}", "error reached"], races),
+        status=table(["peer", "steps", "error there", "asked", "outcome"], status),
+        remarks=remarks(found),
+        versions=", ".join(f"{name} {number}" for name, number in found["peer_versions"].items()),
+    )
+
+
+def save(figure: Any, name: str) -> str:
+    """The figure's files, and the Markdown that shows it."""
+    return figures.save(figure, HERE / "figures", name)
+
+
+def quadrature(data: dict[str, Record]) -> str:
+    """The page reports/quadrature.md."""
+    records, weights, trajectory, kernel = data["fresnel"]["records"], data["weights"], data["trajectory"], data["kernels"]
+    generic = select(records, problem="fresnel_generic")
+    targets = analysis.targets(data)
+    met = sum(row.met for row in targets)
+    return fill(
+        "quadrature.md",
+        opening=opening(data, generic),
+        near=NEAR,
+        cheapest=summary(generic),
+        **differences(data, generic),
+        **semi_derivative(generic),
+        **path_numbers(trajectory),
+        figure_accuracy=save(figures.accuracy(records), "accuracy_time"),
+        figure_clocks=save(figures.clocks(records), "time_step"),
+        figure_convergence=save(figures.convergence(records), "error_step"),
+        orders=orders(records),
+        figure_weight_errors=save(figures.weight_errors(weights["errors"]), "weights_error"),
+        weights_worst=weights_worst(weights["worst"]),
+        figure_weight_times=save(figures.weight_times(weights["building"]), "weights_time"),
+        figure_trajectory=save(figures.trajectory(trajectory["records"], trajectory["ratios"]), "trajectory"),
+        figure_kernels=save(figures.kernels(kernel), "kernels"),
+        slip=f"{100 * kernel['slip']:g}",
+        diameter=f"{1000 * kernel['diameter']:g}",
+        viscosity=f"{kernel['viscosity']:.0e}",
+        reynolds=f"{kernel['reynolds']:g}",
+        figure_window=save(figures.window(kernel), "window"),
+        peers=peers(data),
+        targets=table(["", "asked", "measured", ""], [[row.what, row.asked, row.measured, "met" if row.met else "**missed**"] for row in targets]),
+        met=f"{met} of {len(targets)} are met.",
+        footer=footer(data),
+    )
+
+
+def front(data: dict[str, Record]) -> str:
+    """The page reports/README.md."""
+    generic = select(data["fresnel"]["records"], problem="fresnel_generic")
+    return "\n\n".join(
+        [
+            "# Reports",
+            "* [What accuracy costs in time](quadrature.md): every published way to compute the history integral, its error and its price.",
+            opening(data, generic),
+            "![error against time](figures/accuracy_time.png)",
+            footer(data),
+        ]
+    )
+
+
+def main() -> None:
+    """Build every page."""
+    data = load(HERE / "data")
+    with mpl.rc_context(figures.LOOK):
+        page = quadrature(data)
+    write(HERE / "quadrature.md", page)
+    write(HERE / "README.md", front(data))
+    print("wrote reports/quadrature.md and reports/README.md")
+
+
+if __name__ == "__main__":
+    main()
