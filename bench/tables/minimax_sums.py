@@ -13,8 +13,9 @@ the *smallest* ``near``, that is the widest range which ``n`` terms can serve at
 Method
 ------
 The relative error of the best sum has ``2 n + 1`` extrema of equal size and alternating sign, the two ends of the range among them
-(D. Braess and W. Hackbusch, "Approximation of 1/x by exponential sums in [1, infinity)", IMA J. Numer. Anal. 25 (2005) 685-697, who
-treat ``1/x`` and ``1/sqrt(x)``).  It is found by the exchange algorithm of Remez with Newton's method inside: the unknowns are the
+(D. Braess and W. Hackbusch, "Approximation of 1/x by exponential sums in [1, infinity)", IMA J. Numer. Anal. 25 (2005) 685-697;
+for the computation W. Hackbusch, "Computation of best L-infinity exponential sums for 1/x by Remez' algorithm", Comput. Vis. Sci.
+20 (2019) 1-11).  It is found by the exchange algorithm of Remez with Newton's method inside: the unknowns are the
 logarithms of rates and weights together with either ``log(near)`` for a prescribed error, which gives the widest range at once, or
 the error for a prescribed range (used where the table is cut at ``far / near = 1e12``).  The extrema are located anew
 after each solve.  First guesses are extrapolated from sums with fewer terms (rates counted from the slow end stay where they
@@ -33,6 +34,10 @@ File layout (``numpy.savez_compressed``, no pickles)
 ``offset``                             sum ``k`` occupies ``offset[k]:offset[k + 1]`` of the next two
 ``log_rates``, ``log_weights``         natural logarithms, rates ascending within each sum
 
+Where ``n`` terms reach the widest range tabulated (``far / near = 1e12`` or ``near = 1e-12``) with an error smaller than a tolerance,
+one sum for that range stands for all looser tolerances: its ``rtol`` is the tightest of these, its ``error`` may be well below it.  So
+pick the fewest terms among the sums with ``error <= wanted`` and range wide enough.
+
 Usage, from the root of the repository::
 
     python bench/tables/minimax_sums.py --kernel basset --output basset/data/minimax_basset.npz
@@ -40,7 +45,7 @@ Usage, from the root of the repository::
     python bench/tables/minimax_sums.py --kernel dorgan_loth --output basset/data/minimax_dorgan_loth.npz
 
 Finished parts are kept in ``<output>.partial.jsonl`` next to the output, from which an interrupted run resumes; the table itself is
-written to a temporary file and then renamed.  Run time on one core: RUNTIME.
+written to a temporary file and then renamed.  Run time on one core: half a minute for ``basset``, two minutes for each of the others.
 """
 
 from __future__ import annotations
@@ -66,8 +71,11 @@ Array = np.ndarray
 LARGEST_RATIO = 1e12
 SMALLEST_RATIO = 2.0
 SMALLEST_NEAR = 1e-12
+SMALLEST_SPAN = 0.1
 LEVELLING = 2e-3
 """Extrema of an accepted sum agree within this fraction."""
+HALF_DECADES = tuple(float(f"{leading}e-{k}") for k in range(1, 15) for leading in ("3.16", "1"))
+"""Tolerances at which sums are computed; a table may hold fewer."""
 
 
 # ---------------------------------------------------------------------------------------------------------------- kernels
@@ -83,13 +91,13 @@ class Kernel:
     far: tuple[float, ...]
     largest_terms: int
     tolerances: tuple[float, ...]
+    """Tolerances of the table, loosest first."""
 
 
 def basset_kernel() -> Kernel:
     """``t**(-1/2)``."""
     half = Extended(0.5)
-    tolerances = tuple(float(f"{leading}e-{k}") for k in range(1, 15) for leading in ("3.16", "1"))[1:]
-    return Kernel("basset", lambda x: -half * x, lambda x: np.full_like(x, -half), (1.0,), 72, tolerances)
+    return Kernel("basset", lambda x: -half * x, lambda x: np.full_like(x, -half), (1.0,), 72, HALF_DECADES[1:])
 
 
 def finite_reynolds_kernel(name: str, exponent: float) -> Kernel:
@@ -103,7 +111,7 @@ def finite_reynolds_kernel(name: str, exponent: float) -> Kernel:
     def slope(x: Array) -> Array:
         return -Extended(0.5) - c * power / (1 + np.exp(-power * x))
 
-    far = (1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e6)
+    far = tuple(float(f"1e{k}") for k in range(-4, 7))
     return Kernel(name, log_value, slope, far, 48, tuple(float(f"1e-{k}") for k in range(2, 13)))
 
 
@@ -133,12 +141,17 @@ class Sum:
 
     @property
     def terms(self) -> int:
+        """Number of terms."""
         return self.rates.size
 
     @property
     def span(self) -> float:
         """``log(far / near)``."""
         return float(self.extrema[-1] - self.extrema[0])
+
+
+Row = dict[float, Sum]
+"""Sums of equal length by their error."""
 
 
 def contributions(kernel: Kernel, rates: Array, weights: Array, x: Array) -> tuple[Array, Array]:
@@ -192,50 +205,52 @@ def noise(error: float) -> float:
     return LEVELLING + 1e-15 / error
 
 
-def level(kernel: Kernel, guess: Sum, free_near: bool, iterations: int = 16) -> Sum | None:
+def level(kernel: Kernel, guess: Sum, free_near: bool, iterations: int = 20) -> Sum | None:
     """Newton's method for equal errors at the given extrema, where ``near`` or the error is the last unknown.
 
-    Near the limit of the precision the iterates jitter about the solution in the directions that hardly change the sum: the best is
-    then good enough.
+    Near the limit of the precision the iterates jitter about the solution in the directions that hardly change the sum; shorter
+    steps then still help, and in the end the best iterate is good enough.
     """
     n = guess.terms
-    current, best, least = guess, None, math.inf
     sign = signs(n)
+    current, best, least = guess, None, math.inf
+    step, damping = np.zeros(2 * n + 1, dtype=Extended), 1.0
     for iteration in range(iterations):
         decay, part = contributions(kernel, current.rates, current.weights, current.extrema)
         deviation = part.sum(axis=1) - 1 - sign * current.error
         distance = float(np.max(np.abs(deviation))) / current.error
         if iteration > 0 and distance < 1e-3:
             return current
-        if distance < least:
-            stalled = distance > 0.5 * least
+        if best is None or distance < least or least > 1.0:
             best, least = current, distance
-        else:
-            stalled = True
-        if stalled and least < noise(current.error):
+            last = np.zeros(2 * n + 1, dtype=Extended)
+            if free_near:
+                last[0] = -(part[0] * (decay[0] + kernel.slope(current.extrema[:1]))).sum()
+            else:
+                last[:] = -sign
+            solution = solve(np.concatenate([-decay * part, part, last[:, None]], axis=1), -deviation)
+            if solution is None or not np.all(np.isfinite(solution)):
+                return None
+            step = solution
+            size = float(np.max(np.abs(step[: 2 * n])))
+            if iteration > 5 and size > 1.0:
+                return None
+            damping = min(1.0, 0.7 / max(size, 1e-30))
+            if free_near:
+                damping = min(damping, 0.5 * float(best.extrema[1] - best.extrema[0]) / max(abs(float(step[-1])), 1e-30))
+        elif least < noise(best.error):
             return best
-        last = np.zeros(2 * n + 1, dtype=Extended)
-        if free_near:
-            last[0] = -(part[0] * (decay[0] + kernel.slope(current.extrema[:1]))).sum()
         else:
-            last[:] = -sign
-        step = solve(np.concatenate([-decay * part, part, last[:, None]], axis=1), -deviation)
-        if step is None or not np.all(np.isfinite(step)):
-            return None
-        size = float(np.max(np.abs(step[: 2 * n])))
-        if iteration > 5 and size > 1.0:
-            return None
-        damping = min(1.0, 0.7 / max(size, 1e-30))
-        extrema, error = current.extrema.copy(), current.error
+            damping /= 2
+        extrema, error = best.extrema.copy(), best.error
         if free_near:
-            damping = min(damping, 0.5 * float(extrema[1] - extrema[0]) / max(abs(float(step[-1])), 1e-30))
             extrema[0] += damping * step[-1]
         else:
             error = max(error + damping * float(step[-1]), 0.1 * error)
-        current = Sum(current.rates + damping * step[:n], current.weights + damping * step[n : 2 * n], extrema, error)
+        current = Sum(best.rates + damping * step[:n], best.weights + damping * step[n : 2 * n], extrema, error)
         if np.any(np.diff(current.rates) <= 0):
             return None
-    return best if least < noise(guess.error) else None
+    return best if best is not None and least < noise(best.error) else None
 
 
 def locate_extrema(kernel: Kernel, rates: Array, weights: Array, near_extrema: Array, density: int = 12) -> tuple[Array, Array] | None:
@@ -276,7 +291,8 @@ def exchange(kernel: Kernel, guess: Sum, free_near: bool, rounds: int = 12) -> S
         extrema, value = located
         size = np.abs(value)
         current = Sum(solved.rates, solved.weights, extrema, solved.error)
-        if size.max() / size.min() < 1 + noise(solved.error) and size.max() < solved.error * (1 + noise(solved.error)):
+        ripple = noise(solved.error)
+        if size.max() < solved.error * (1 + ripple) and size.min() > solved.error * (1 - ripple):
             return current
     return None
 
@@ -306,7 +322,7 @@ def along_parameter(parameters: list[float], sums: list[Sum], target: float, err
     )
 
 
-def along_terms(kernel: Kernel, shorter: list[Sum], split: float, error: float) -> Sum | None:
+def along_terms(shorter: list[Sum], split: float, error: float) -> Sum | None:
     """Guess ``n`` terms from ``n - 1`` and fewer (``shorter[0]`` the longest): extrapolate counting from either end."""
     n = shorter[0].terms + 1
     degree = len(shorter) - 1
@@ -446,9 +462,15 @@ def measured_error(kernel: Kernel, log_rates: Array, log_weights: Array, extrema
     return float(np.max(np.abs(value / exact - 1)))
 
 
+def rounded(values: Array, error: float) -> Array:
+    """In double precision without the binary digits that do not matter at this error, which makes the file smaller."""
+    quantum = 2.0 ** math.floor(math.log2(4e-3 * error))
+    return np.round(values / Extended(quantum)).astype(float) * quantum if quantum > 1e-14 else values.astype(float)
+
+
 def tabulated(kernel: Kernel, found: Sum, rtol: float, far: float) -> Entry | None:
     """Round a sum to double precision; None if it then misses its tolerance."""
-    log_rates, log_weights = found.rates.astype(float), found.weights.astype(float)
+    log_rates, log_weights = rounded(found.rates, found.error), rounded(found.weights, found.error)
     near = min(far, far * math.exp(-found.span * (1 - 1e-15)) * (1 + 1e-12))
     error = measured_error(kernel, log_rates, log_weights, found.extrema, near, far)
     if error > rtol:
@@ -464,6 +486,7 @@ class Store:
     rows: dict[tuple[float, int], dict] = field(default_factory=dict)
 
     def load(self) -> None:
+        """Read what an interrupted run has left; an unfinished last line is ignored."""
         if self.path.exists():
             for line in self.path.read_text().splitlines():
                 try:
@@ -472,7 +495,13 @@ class Store:
                     continue
                 self.rows[row["far"], row["terms"]] = row
 
+    def sums(self, far: float, terms: int) -> Row:
+        """The sums by their error."""
+        stored = self.rows.get((far, terms), {"sums": []})
+        return {float(error): unpack(data) for error, data in stored["sums"]}
+
     def add(self, row: dict) -> None:
+        """Keep one finished row."""
         self.rows[row["far"], row["terms"]] = row
         with self.path.open("a") as stream:
             stream.write(json.dumps(row) + "\n")
@@ -484,11 +513,12 @@ def pack(found: Sum) -> list:
 
 
 def unpack(data: list) -> Sum:
+    """The sum that was packed."""
     return Sum(*(np.array(part, dtype=Extended) for part in data[:3]), error=data[3])
 
 
 def first_sum(kernel: Kernel, far: float, error: float) -> Sum:
-    """One term: in closed form but for one root for the homogeneous kernel, then followed to the place wanted."""
+    """One term: for the homogeneous kernel, which all kernels approach at small times, then followed to the place wanted."""
     # log of a exp(-u) sqrt(u) has its top at u = 1/2; both ends lie log((1 + error) / (1 - error)) below it
     depth = math.log((1 + error) / (1 - error))
     top = 0.5 * math.log(0.5) - 0.5
@@ -514,18 +544,19 @@ def first_sum(kernel: Kernel, far: float, error: float) -> Sum:
         np.array([math.log(small / large), math.log(0.5 / large), 0.0], dtype=Extended),
         error,
     )
-    if kernel.name == "basset":
-        found = exchange(kernel, start, True)
-    else:
-        begin = exchange(kernel, moved(kernel, start, math.log(1e-9)), True)
-        found = None if begin is None else continued(kernel, begin, error, math.log(far))
+    begin = exchange(kernel, moved(kernel, start, math.log(1e-9)), True)
+    found = None if begin is None else continued(kernel, begin, error, math.log(far))
     if found is None:
         raise RuntimeError(f"no one-term sum at error {error}, far {far}")
     return found
 
 
-def widest(kernel: Kernel, far: float, n: int, error: float, columns: list[dict[float, Sum]], row: dict[float, Sum]) -> Sum | None:
-    """The n-term sum of prescribed error and widest range, from shorter sums and from looser errors."""
+def widest(kernel: Kernel, far: float, error: float, columns: list[Row], row: Row, other: Row) -> Sum | None:
+    """The sum of prescribed error and widest range.
+
+    ``columns`` holds the sums with one, two ... terms less, ``row`` those with as many terms and another error, ``other`` those with
+    as many terms and a smaller ``far``.
+    """
     log_far = math.log(far)
     guesses: list[Sum | None] = []
     shorter: list[Sum] = []
@@ -536,23 +567,25 @@ def widest(kernel: Kernel, far: float, n: int, error: float, columns: list[dict[
     if shorter:
         for degree in (1, 2, 3):
             if len(shorter) > degree:
-                guesses += [along_terms(kernel, shorter[: degree + 1], split, error) for split in (0.25, 0.5, 0.75)]
+                guesses += [along_terms(shorter[: degree + 1], split, error) for split in (0.25, 0.5, 0.75)]
         guesses += [by_insertion(kernel, shorter[0], split, error) for split in (0.25, 0.5, 0.75)]
-    looser = sorted(row.items())[:5]
-    variable = [1 / math.log(2.7 / key) for key, _ in looser]
-    for count in range(2, len(looser) + 1):
-        guesses.append(along_parameter(variable[:count], [s for _, s in looser[:count]], 1 / math.log(2.7 / error), error))
+    closest = sorted(row.items(), key=lambda item: abs(math.log(item[0] / error)))[:5]
+    variable = [1 / math.log(2.7 / key) for key, _ in closest]
+    for count in range(2, len(closest) + 1):
+        guesses.append(along_parameter(variable[:count], [s for _, s in closest[:count]], 1 / math.log(2.7 / error), error))
     for guess in guesses:
         if guess is not None:
             guess.extrema = guess.extrema.copy()
             guess.extrema[-1] = Extended(log_far)
     found = best_of(kernel, guesses, True)
-    if found is None and looser:
-        found = continued(kernel, looser[0][1], error, log_far)
+    if found is None and error in other:
+        found = continued(kernel, other[error], error, log_far)
+    if found is None and closest:
+        found = continued(kernel, closest[0][1], error, log_far)
     return found
 
 
-def at_range(kernel: Kernel, n: int, span: float, row: dict[float, Sum], wider: Sum | None) -> Sum | None:
+def at_range(kernel: Kernel, span: float, row: Row, wider: Sum | None) -> Sum | None:
     """The n-term sum of least error over a prescribed range, from the sums on either side of it."""
     members = sorted(row.values(), key=lambda s: -s.span)[:4]
     if wider is not None:
@@ -572,55 +605,56 @@ def at_range(kernel: Kernel, n: int, span: float, row: dict[float, Sum], wider: 
     return best_of(kernel, guesses, False, attempts=4)
 
 
-def rows_for(kernel: Kernel, far: float, store: Store, report: Callable[[str], None]) -> Iterator[dict]:
+def rows_for(kernel: Kernel, far: float, smaller_far: float | None, store: Store, report: Callable[[str], None]) -> Iterator[dict]:
     """All sums for one ``far``, number of terms by number of terms."""
-    log_far = math.log(far)
     largest_span = min(math.log(LARGEST_RATIO), math.log(far / SMALLEST_NEAR))
-    columns: list[dict[float, Sum]] = []
-    complete = False
+    columns: list[Row] = []
+    served: set[float] = set()  # tolerances at which fewer terms reach the widest range of the table
     for n in range(1, kernel.largest_terms + 1):
-        key = (far, n)
-        if key in store.rows:
-            stored = store.rows[key]
-            row = {float(error): unpack(data) for error, data in stored["sums"]}
-            columns = [row, *columns][:4]
-            complete = complete or stored["complete"]
+        if (far, n) in store.rows:
+            stored = store.rows[far, n]
+            columns = [store.sums(far, n), *columns][:4]
+            served |= set(stored["served"])
             yield stored
             continue
         began = time.perf_counter()
-        row: dict[float, Sum] = {}
+        other = {} if smaller_far is None else store.sums(smaller_far, n)
+        row: Row = {}
         entries: list[Entry] = []
-        failures: list[float] = []
-        beyond: tuple[float, Sum | None] | None = None
-        for rtol in kernel.tolerances:
-            error = aim(rtol)
-            if columns and not any(e >= error * 0.999 for e in columns[0]) and not row:
-                beyond = (rtol, None)
-                continue
-            if n == 1 and not row:
-                found = first_sum(kernel, far, error)
-            else:
-                found = widest(kernel, far, n, error, columns, row)
-            if found is None:
-                failures.append(rtol)
-                continue
-            if found.span > largest_span:
-                beyond = (rtol, found)
-                continue
-            if found.span < 0.3:
+        wider: Sum | None = None
+        waiting = [rtol for rtol in HALF_DECADES if rtol >= min(kernel.tolerances) and rtol not in served]
+        if n == 1:
+            row[aim(waiting[0])] = first_sum(kernel, far, aim(waiting[0]))
+        missed: list[float] = []
+        for attempt in range(2):
+            for rtol in waiting:
+                error = aim(rtol)
+                found = widest(kernel, far, error, columns, row, other) if error not in row else row[error]
+                if found is None:
+                    missed.append(rtol)
+                elif found.span > largest_span:
+                    served.add(rtol)
+                    wider = found
+                elif found.span < SMALLEST_SPAN:
+                    break
+                else:
+                    row[error] = found
+            if not missed or attempt:
                 break
-            row[error] = found
-            if found.span > math.log(SMALLEST_RATIO):
-                entry = tabulated(kernel, found, rtol, far)
+            waiting, missed = missed[::-1], []
+        for rtol in kernel.tolerances:
+            if aim(rtol) in row and row[aim(rtol)].span > math.log(SMALLEST_RATIO):
+                entry = tabulated(kernel, row[aim(rtol)], rtol, far)
                 if entry is None:
-                    failures.append(rtol)
+                    missed.append(rtol)
                 else:
                     entries.append(entry)
-        if beyond is not None and row:
-            capped = at_range(kernel, n, largest_span, row, beyond[1])
-            entry = None if capped is None else tabulated(kernel, capped, beyond[0], far)
+        cut = [rtol for rtol in kernel.tolerances if rtol in served]
+        if cut and row:
+            capped = at_range(kernel, largest_span, row, wider)
+            entry = None if capped is None else tabulated(kernel, capped, cut[-1], far)
             if entry is None:
-                failures.append(-beyond[0])
+                missed.append(cut[-1])
             else:
                 entries.append(entry)
         columns = [row, *columns][:4]
@@ -629,14 +663,12 @@ def rows_for(kernel: Kernel, far: float, store: Store, report: Callable[[str], N
             "terms": n,
             "sums": [[error, pack(found)] for error, found in row.items()],
             "entries": [vars(entry) for entry in entries],
-            "complete": not row,
+            "served": sorted(served),
         }
-        note = f"  missed {', '.join(f'{f:.1e}' for f in failures)}" if failures else ""
+        note = f"  missed {', '.join(f'{rtol:g}' for rtol in missed)}" if missed else ""
         report(f"{kernel.name} far {far:g} terms {n}: {len(entries)} sums, {time.perf_counter() - began:.1f} s{note}")
         store.add(result)
         yield result
-        if not row:
-            return
 
 
 def save(kernel: Kernel, entries: list[dict], output: Path) -> None:
@@ -664,6 +696,7 @@ def save(kernel: Kernel, entries: list[dict], output: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Run from the command line."""
     parser = argparse.ArgumentParser(description="Tabulate minimax exponential sums.")
     parser.add_argument("--kernel", choices=sorted(KERNELS), default="basset")
     parser.add_argument("--output", type=Path, required=True)
@@ -684,8 +717,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"[{time.perf_counter() - began:7.1f} s] {text}", file=sys.stderr, flush=True)
 
     entries: list[dict] = []
-    for far in kernel.far:
-        for result in rows_for(kernel, far, store, report):
+    for k, far in enumerate(kernel.far):
+        for result in rows_for(kernel, far, kernel.far[k - 1] if k else None, store, report):
             entries += result["entries"]
         save(kernel, entries, options.output)
     report(f"{len(entries)} sums, {options.output.stat().st_size / 1e3:.0f} kB in {options.output}")
