@@ -152,7 +152,7 @@ class TestNoWrapAround:
     def test_impulses_in_the_oldest_samples(self, make, input):
         """Row k is the weight of an oldest sample, however small: those are not computed by the transform."""
         rule, n = make(0.0), FAR + 188
-        reach = rule._reach
+        reach = rule._remembered._reach
         H = basset.cumulate(np.eye(n + 1)[:, :reach], 1.0, rule, input=input)
         promised = 2e-14 if rule.error_order <= 5.0 else 1e-13
         for k in [*range(1, 60), FAR - 1, *range(FAR, n, 17), n]:

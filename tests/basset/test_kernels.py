@@ -52,9 +52,7 @@ def exact_moments(kernel: basset.Kernel, near: float, far: float, degree: int, d
     with mpmath.workdps(digits):
         near, far = mpmath.mpf(near), mpmath.mpf(far)
         raw = [antiderivative(kernel, far, m) - antiderivative(kernel, near, m) for m in range(degree + 1)]
-        return [
-            sum(mpmath.binomial(m, i) * (-near) ** (m - i) * raw[i] for i in range(m + 1)) / (far - near) ** m for m in range(degree + 1)
-        ]
+        return [sum(mpmath.binomial(m, i) * (-near) ** (m - i) * raw[i] for i in range(m + 1)) / (far - near) ** m for m in range(degree + 1)]
 
 
 def relative_error(computed, exact) -> float:

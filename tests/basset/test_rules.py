@@ -14,7 +14,7 @@ from basset.measure import observed_orders
 from basset.problems import PROBLEMS, Problem, tagged
 
 FRESNEL = PROBLEMS["fresnel"]
-THESIS = 1.25306020134666323776267517398  # I(50π)
+THESIS = 1.25306020134666323776267517398  # I at the double next to 50π
 
 
 def declared(rule: basset.Rule, input: str) -> float:
@@ -105,8 +105,7 @@ def late_errors(order: int) -> tuple[float, ...]:
 
 class TestFresnel:
     def test_the_number(self):
-        # 50·π itself is only known to 3e-14 in double precision, where I' < 1/2
-        assert abs(float(FRESNEL.exact(FRESNEL.end)) - THESIS) < 2e-14
+        assert abs(float(FRESNEL.exact(FRESNEL.end)) - THESIS) <= 32 * EPS  # a dozen roundings of terms up to √(2π)
 
     @pytest.mark.parametrize(("order", "n", "bound"), [(8, 1024, 2e-10), (8, 4096, 5e-15), (4, 65536, 1e-14)])
     def test_promised_errors(self, order, n, bound):

@@ -1,0 +1,313 @@
+"""Bad input, one by one: the right type of error, and one sentence that names the argument, what came and what would be right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rule_cases import KERNELS, RULES
+
+import basset
+
+G = np.ones(5)
+RULE = basset.Daitche(order=3)
+NAN, INF = float("nan"), float("inf")
+MEI = basset.MeiAdrianKernel
+
+both = pytest.mark.parametrize("function", [basset.integrate, basset.cumulate])
+
+
+def refused(error: type[Exception], pattern: str, call, *args, **kwargs) -> None:
+    with pytest.raises(error, match=pattern) as caught:
+        call(*args, **kwargs)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+    assert not isinstance(caught.value, (AssertionError, OverflowError, ZeroDivisionError, IndexError, AttributeError))
+
+
+SAMPLES = {
+    "string": ("abc", TypeError, r"g must be an array of real numbers, got 'abc'"),
+    "strings": (["1", "2"], TypeError, r"g must be an array of real numbers, got \['1', '2'\]"),
+    "bytes": (b"123", TypeError, r"g must be an array of real numbers, got b'123'"),
+    "strings as objects": (np.array(["1", "2"], dtype=object), TypeError, r"g must be an array of real numbers, got .*'1'"),
+    "ragged": ([[1.0, 2.0], [3.0]], TypeError, r"g must be an array of real numbers with equal rows, got \[\[1\.0, 2\.0\], \[3\.0\]\]"),
+    "complex": ([1.0, 2.0j], TypeError, r"g must be an array of real numbers, got \[1\.0, 2j\].*complex"),
+    "bool": ([True, False, True], TypeError, r"g must be an array of real numbers, got \[True, False, True\].*bool"),
+    "bools as objects": (np.array([True, False], dtype=object), TypeError, r"g must be an array of real numbers, got .*True"),
+    "dates": (np.array(["2000-01-01", "2000-01-02"], dtype="M8[D]"), TypeError, r"g must be an array of real numbers, got .*datetime64"),
+    "records": (np.zeros(3, dtype=[("u", float)]), TypeError, r"g must be an array of real numbers"),
+    "none": (None, (TypeError, ValueError), r"g must be an array of .*got None"),
+    "mapping": ({"a": 1.0}, TypeError, r"g must be an array of real numbers.*got \{'a': 1\.0\}"),
+    "function": (np.cos, TypeError, r"g must be an array of real numbers.*got <ufunc 'cos'>"),
+    "one number": (3.5, ValueError, r"g must be an array of samples along its first axis, got the single number 3\.5"),
+    "beyond double": ([1.0, 10**400], (TypeError, ValueError), r"g must be .*got"),
+    "NaN": ([1.0, NAN, 2.0, NAN], ValueError, r"g must be finite, got nan in sample 1 \(and 1 other"),
+    "infinite": ([1.0, 2.0, -INF], ValueError, r"g must be finite, got -inf in sample 2"),
+    "NaN in a column": (np.array([[1.0, 2.0], [3.0, NAN], [1.0, 1.0]]), ValueError, r"g must be finite, got nan in sample 1"),
+    "None in a list": ([1.0, None, 2.0], (TypeError, ValueError), r"g must be .*got"),
+}
+
+
+class TestSamples:
+    @both
+    @pytest.mark.parametrize("name", SAMPLES)
+    def test_refused(self, function, name):
+        g, error, pattern = SAMPLES[name]
+        refused(error, pattern, function, g, 0.1, RULE)
+
+    @pytest.mark.parametrize("g", [[], np.empty(0), np.empty((0, 3)), [1.0], np.ones((1, 3))])
+    def test_integrate_needs_a_step(self, g):
+        refused(ValueError, rf"g must hold at least two samples \(one step\) along its first axis, got {len(g)}", basset.integrate, g, 0.1, RULE)
+
+    @pytest.mark.parametrize("g", [[], np.empty(0), np.empty((0, 3))])
+    def test_cumulate_needs_a_sample(self, g):
+        refused(ValueError, r"g must hold at least one sample along its first axis, got 0", basset.cumulate, g, 0.1, RULE)
+
+    @both
+    @pytest.mark.parametrize("name", RULES)
+    def test_nan_reaches_no_result(self, function, name):
+        g = np.ones(40)
+        g[38] = NAN
+        refused(ValueError, r"g must be finite, got nan in sample 38", function, g, 0.1, RULES[name](1.0))
+
+    @both
+    def test_an_overflowing_sum_is_said_to_be_one(self, function):
+        refused(ValueError, r"g must be small enough .* double precision, got samples up to 1e\+308", function, np.full(5, 1e308), 1e5, RULE)
+
+
+NUMBERS = {
+    "zero": (0.0, ValueError, "0"),
+    "negative": (-0.1, ValueError, r"-0\.1"),
+    "NaN": (NAN, ValueError, "nan"),
+    "infinite": (INF, ValueError, "inf"),
+    "string": ("0.1", TypeError, r"'0\.1'"),
+    "none": (None, TypeError, "None"),
+    "bool": (True, TypeError, "True"),
+    "complex": (0.1 + 0j, TypeError, r"\(0\.1\+0j\)"),
+    "list": ([0.1], TypeError, r"\[0\.1\]"),
+}
+bad_numbers = pytest.mark.parametrize(("value", "error", "shown"), NUMBERS.values(), ids=NUMBERS)
+
+
+class TestStep:
+    @both
+    @bad_numbers
+    def test_refused(self, function, value, error, shown):
+        refused(error, rf"dt must be a finite number greater than 0 \(seconds\), got {shown}", function, G, value, RULE)
+
+    @bad_numbers
+    def test_refused_by_weights(self, value, error, shown):
+        refused(error, rf"dt must be a finite number greater than 0 \(seconds\), got {shown}", RULE.weights, 5, value)
+
+
+class TestCounts:
+    @pytest.mark.parametrize(("order", "error"), [(0, ValueError), (11, ValueError), (-1, ValueError), (2.5, ValueError), (3.0, ValueError), (NAN, ValueError)])
+    def test_order_out_of_range(self, order, error):
+        refused(error, rf"order must be a whole number from 1 to 10, got {order}", basset.Daitche, order=order)
+
+    @pytest.mark.parametrize("order", [True, "3", None, [3], 3 + 0j])
+    def test_order_of_the_wrong_type(self, order):
+        with pytest.raises(TypeError, match=r"order must be a whole number from 1 to 10, got ") as caught:
+            basset.Daitche(order=order)
+        assert str(caught.value).endswith(repr(order))
+
+    def test_any_integer_is_an_order(self):
+        assert basset.Daitche(order=np.int8(3)) == basset.Daitche(order=3)
+
+    @pytest.mark.parametrize(("n", "error"), [(0, ValueError), (-3, ValueError), (2.5, ValueError), (True, TypeError), ("5", TypeError), (None, TypeError)])
+    def test_number_of_weights(self, n, error):
+        refused(error, rf"n must be a whole number, 1 or greater, got {n!r}", RULE.weights, n, 0.1)
+
+
+class TestRule:
+    @both
+    @pytest.mark.parametrize(("name", "near"), [("daich", "daitche"), ("Brush", "brush"), ("semiderivative", "semi_derivative"), ("euler", "euler_maclaurin")])
+    def test_unknown_name(self, function, name, near):
+        refused(ValueError, rf"scheme must be one of .*'daitche'.*, got '{name}'; did you mean '{near}'\?", function, G, 0.1, name)
+
+    def test_unknown_name_in_the_table(self):
+        with pytest.raises(basset.UnknownSchemeError, match=r"got 'hinsburg'; did you mean 'hinsberg'\?") as caught:
+            basset.SCHEMES["hinsburg"]
+        assert isinstance(caught.value, ValueError)
+        assert isinstance(caught.value, KeyError)
+        assert "hinsburg" not in basset.SCHEMES
+        assert basset.SCHEMES.get("hinsburg") is None
+
+    def test_no_suggestion_where_nothing_is_near(self):
+        with pytest.raises(ValueError, match=r"got 'xyzzy'$"):
+            basset.integrate(G, 0.1, "xyzzy")
+
+    @pytest.mark.parametrize("name", [3, None])
+    def test_a_name_is_a_string(self, name):
+        refused(TypeError, rf"named by a string, got {name}", basset.SCHEMES.__getitem__, name)
+
+    @both
+    def test_class_instead_of_instance(self, function):
+        refused(
+            TypeError, r"rule must be a rule such as basset\.Daitche\(order=3\), got <class .*Brush'>; write Brush\(\.\.\.\)", function, G, 0.1, basset.Brush
+        )
+
+    @both
+    @pytest.mark.parametrize("rule", [None, 3, [1.0, 2.0], basset.BassetKernel()])
+    def test_no_rule_at_all(self, function, rule):
+        refused(TypeError, r"rule must be a rule such as basset\.Daitche\(order=3\), got ", function, G, 0.1, rule)
+
+    @both
+    def test_a_name_whose_scheme_needs_parameters(self, function):
+        refused(TypeError, r"rule 'windowed' needs parameters: pass basset\.Windowed\(\.\.\.\) instead", function, G, 0.1, "windowed")
+
+
+WINDOWED = {"windowed": lambda window: basset.Windowed(RULE, window), "hinsberg": lambda window: basset.Hinsberg(window=window, tail=False)}
+both_windows = pytest.mark.parametrize("make", WINDOWED.values(), ids=WINDOWED)
+
+
+class TestWindow:
+    @both_windows
+    @bad_numbers
+    def test_refused(self, make, value, error, shown):
+        if value is None and make is WINDOWED["hinsberg"]:
+            assert make(None) == basset.Hinsberg(tail=False)  # the whole history
+            return
+        refused(error, rf"window must be a finite number greater than 0 \(seconds\), got {shown}", make, value)
+
+    @both
+    @both_windows
+    @pytest.mark.parametrize("window", [0.05, 0.0999])
+    def test_shorter_than_a_step(self, function, make, window):
+        refused(ValueError, rf"window must be at least one step of dt = 0\.1 seconds, got {window}", function, G, 0.1, make(window))
+        refused(ValueError, rf"window must be at least one step of dt = 0\.1 seconds, got {window}", make(window).weights, 5, 0.1)
+
+    @pytest.mark.parametrize("rule", [basset.Daitche, "daitche", None, 3, basset.Windowed(RULE, 1.0), basset.Hinsberg(tail=False)])
+    def test_of_what_is_no_full_rule(self, rule):
+        refused(TypeError, r"rule must be a full-history rule such as basset\.Daitche\(order=2\), got ", basset.Windowed, rule, 1.0)
+
+
+class TestKernelArgument:
+    @both
+    @pytest.mark.parametrize("kernel", [None, "basset", basset.BassetKernel, np.sqrt, 3.0])
+    def test_no_kernel(self, function, kernel):
+        refused(TypeError, r"kernel must be a kernel such as basset\.BassetKernel\(\), got ", function, G, 0.1, RULE, kernel)
+        refused(TypeError, r"kernel must be a kernel such as basset\.BassetKernel\(\), got ", RULE.weights, 5, 0.1, kernel)
+
+
+class TestInput:
+    @both
+    def test_unknown(self, function):
+        refused(ValueError, r"input must be one of 'rate', 'slip', got 'slipp'; did you mean 'slip'\?", function, G, 0.1, RULE, input="slipp")
+
+    @both
+    @pytest.mark.parametrize("input", [None, 1, True, ["rate"]])
+    def test_no_string(self, function, input):
+        refused(TypeError, r"input must be one of 'rate', 'slip', got ", function, G, 0.1, RULE, input=input)
+
+    @both
+    @pytest.mark.parametrize("rule", [basset.EulerMaclaurin(), basset.Brush(), basset.Windowed(basset.Brush(), 1.0)])
+    def test_a_rule_without_that_form(self, function, rule):
+        refused(ValueError, r"input must be 'rate' for \w+, got 'slip': .*rate df/dt only", function, G, 0.1, rule, input="slip")
+
+
+class TestInitialSlip:
+    @both
+    @pytest.mark.parametrize(
+        ("shape", "slip"), [((), [1.0]), ((), [1.0, 2.0]), ((3,), [1.0, 2.0]), ((3,), np.ones((1, 3))), ((2, 3), np.ones(3)), ((2, 3), np.ones((3, 2)))]
+    )
+    def test_wrong_shape(self, function, shape, slip):
+        came = str(np.shape(slip)).replace("(", r"\(").replace(")", r"\)")
+        refused(
+            ValueError,
+            rf"initial_slip must be a number or have the shape .* of one sample, got shape {came}",
+            function,
+            np.ones((5, *shape)),
+            0.1,
+            RULE,
+            initial_slip=slip,
+        )
+
+    @both
+    @pytest.mark.parametrize("slip", [NAN, INF, -INF])
+    def test_not_finite(self, function, slip):
+        refused(ValueError, rf"initial_slip must be finite, got {slip}", function, G, 0.1, RULE, initial_slip=slip)
+
+    @both
+    def test_not_finite_in_a_column(self, function):
+        refused(ValueError, r"initial_slip must be finite, got \[1\.0, nan\]", function, np.ones((5, 2)), 0.1, RULE, initial_slip=[1.0, NAN])
+
+    @both
+    @pytest.mark.parametrize("slip", ["1.0", 1j, True, [[1.0], [2.0, 3.0]]])
+    def test_no_numbers(self, function, slip):
+        refused(TypeError, r"initial_slip must be an array of real numbers.*, got ", function, G, 0.1, RULE, initial_slip=slip)
+
+    @both
+    def test_together_with_slip_samples(self, function):
+        refused(
+            ValueError,
+            r"initial_slip must be left at 0 with input='slip', where the first sample is the initial slip; got 2\.0",
+            function,
+            G,
+            0.1,
+            RULE,
+            initial_slip=2.0,
+            input="slip",
+        )
+
+
+class TestKernelParameters:
+    @pytest.mark.parametrize("parameter", ["slip", "diameter", "viscosity", "c1", "c2"])
+    @pytest.mark.parametrize("value", [-1e-3, NAN, INF, -INF])
+    def test_negative_or_not_finite(self, parameter, value):
+        good = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}
+        shown = str(value) if np.isnan(value) or np.isinf(value) else r"-0\.001"
+        refused(ValueError, rf"{parameter} must be a finite number.*, got {shown}", MEI, **{**good, parameter: value})
+
+    @pytest.mark.parametrize("parameter", ["diameter", "viscosity", "c1"])
+    def test_zero_where_it_is_divided_by(self, parameter):
+        good = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}
+        refused(ValueError, rf"{parameter} must be a finite number greater than 0.*, got 0", MEI, **{**good, parameter: 0.0})
+
+    @pytest.mark.parametrize("value", ["0.1", None, True, [0.1], 1j])
+    def test_no_number(self, value):
+        refused(TypeError, r"slip must be a finite number, 0 or greater \(m/s\), got ", MEI, value, 1e-3, 1e-6)
+        refused(TypeError, r"viscosity must be a finite number greater than 0 \(m²/s\), got ", MEI.dorgan_loth, 0.1, 1e-3, value)
+
+    def test_exponent_below_range(self):
+        refused(ValueError, r"c1 must be 0\.5 or greater .*, got 0\.4", MEI, 0.1, 1e-3, 1e-6, c1=0.4)
+
+    def test_overflowing_steepness(self):
+        refused(ValueError, r"slip, diameter and viscosity must give a finite kernel coefficient C, got C = inf from slip 1e\+150", MEI, 1e150, 1e-300, 1e-6)
+
+
+@pytest.mark.parametrize("kernel", KERNELS.values(), ids=KERNELS)
+class TestKernelValues:
+    @pytest.mark.parametrize(("s", "shown"), [(-1.0, "-1"), ([1.0, -2.5], r"-2\.5"), (NAN, "nan"), ([0.0, NAN], "nan"), (-INF, "-inf")])
+    def test_negative_or_nan_lag(self, kernel, s, shown):
+        refused(ValueError, rf"s must hold lags of 0 or greater \(seconds\), got {shown}", kernel, s)
+
+    @pytest.mark.parametrize("s", ["1.0", None, 1j, True, [[1.0], [2.0, 3.0]], ["a"]])
+    def test_no_numbers(self, kernel, s):
+        refused(TypeError, r"s must be an array of real lags in seconds, got ", kernel, s)
+
+    @pytest.mark.parametrize(("near", "far"), [(1.0, 1.0), (2.0, 1.0)])
+    def test_empty_interval(self, kernel, near, far):
+        refused(ValueError, rf"far must be greater than near = {near:g} \(seconds\), got {far:g}", kernel.moments, near, far, 2)
+
+    def test_bad_interval_ends(self, kernel):
+        refused(ValueError, r"near must be a finite number, 0 or greater \(seconds\), got -1", kernel.moments, -1.0, 1.0, 2)
+        refused(ValueError, r"far must be a finite number greater than 0 \(seconds\), got inf", kernel.moments, 0.0, INF, 2)
+
+    @pytest.mark.parametrize(("degree", "error"), [(-1, ValueError), (16, ValueError), (2.5, ValueError), (True, TypeError), ("2", TypeError)])
+    def test_degree_out_of_range(self, kernel, degree, error):
+        refused(error, rf"degree must be a whole number from 0 to 15, got {degree!r}", kernel.moments, 0.0, 1.0, degree)
+
+
+@both
+@pytest.mark.parametrize("name", RULES)
+def test_refusing_leaves_everything_as_it_was(function, name):
+    """After bad calls a good call gives the same bits as before."""
+    rule, g = RULES[name](2.0), np.random.default_rng(1).standard_normal(60)
+    kept = g.copy()
+    before = function(g, 0.1, rule)
+    for bad in (np.full(60, NAN), ["a"], []):
+        with pytest.raises((ValueError, TypeError)):
+            function(bad, 0.1, rule)
+    assert np.array_equal(function(g, 0.1, rule), before)
+    assert np.array_equal(g, kept)
