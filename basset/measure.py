@@ -10,24 +10,26 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import __version__
 
+Name = TypeVar("Name", bound=Hashable)
 
-def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, patience: float = 1.0) -> dict[str, float]:
+
+def interleaved(contenders: Mapping[Name, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, patience: float = 1.0) -> dict[Name, float]:
     """Seconds per call of each contender: the minimum over rounds that visit all of them in turn.
 
     Parameters
     ----------
-    contenders : mapping of name to callable without arguments
+    contenders : mapping of name (anything hashable) to callable without arguments
     rounds : int
         How often each is visited.
     seconds : float
@@ -39,8 +41,8 @@ def interleaved(contenders: Mapping[str, Callable[[], Any]], rounds: int = 7, se
     -------
     dict of name to seconds per call
     """
-    calls: dict[str, int] = {}
-    best: dict[str, float] = {}
+    calls: dict[Name, int] = {}
+    best: dict[Name, float] = {}
     for name, call in contenders.items():
         best[name] = once = _timed(call, 1)  # warm-up: compilation, caches
         if once <= patience:

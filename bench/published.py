@@ -1,7 +1,8 @@
 """The coefficients as published, transcribed literally: objects of measurement, not of use.
 
 Daitche (2013), J. Comput. Phys. 254, 93, second, third and fourth error order; van Hinsberg et al. (2011), thesis
-eq. 5-7. Rows are dimensionless, n+1 weights, newest first: ∫ K g ≈ √h Σ_j w[j] g(t_{n−j}).
+eq. 5-7; and the three oldest rules of the thesis. Rows are dimensionless, n+1 weights, newest first:
+∫ K g ≈ √h Σ_j w[j] g(t_{n−j}).
 
 NumPy has no quadruple precision. "quad" stands for it with mpmath numbers of 34 digits, which a machine with quadruple
 arithmetic in its compiler beats in time, not in digits.
@@ -169,4 +170,36 @@ def hinsberg(n: int) -> Array:
     row[0] = 4.0 / 3.0
     row[1:n] = (k[1:n] + 4.0 / 3.0) / (cube[2:] + (k[1:n] + 1.5) * root[1:n]) + half[:-1]
     row[n] = half[-1]
+    return row
+
+
+def euler_maclaurin(n: int) -> Array:
+    """Second Euler–Maclaurin summation (thesis section 5.2.2.1). float64 (n+1,), dimensionless."""
+    panel = 0.5 / np.sqrt(np.arange(n) + 0.5)
+    row = np.empty(n + 1)
+    row[:-1] = panel
+    row[-1] = 0.0
+    row[1:] += panel
+    return row
+
+
+def brush(n: int) -> Array:
+    """Brush et al. (1964): 2√h on the newest step, Simpson before it, the oldest panel by trapezoid if n is even. float64 (n+1,); n ≥ 3."""
+    row = np.empty(n + 1)
+    row[0] = 2.0
+    row[1:] = 1.0 / (3.0 * np.sqrt(np.arange(1.0, n + 1.0)))
+    row[2:-1:2] *= 4.0
+    row[3:-1:2] *= 2.0
+    if n % 2 == 0:
+        row[-2:] *= np.array([2.5 / 2.0, 1.5])  # 1/3 + 1/2 where Simpson meets the trapezoid, 1/2 at its end
+    return row
+
+
+def semi_derivative(n: int) -> Array:
+    """Thesis eq. 5-6 with q = −1/2: Γ(k+1/2)/Γ(k+1) by its recurrence, for k < n. float64 (n+1,), dimensionless."""
+    row = np.empty(n + 1)
+    row[0] = np.sqrt(np.pi)
+    k = np.arange(1.0, n)
+    row[1:n] = np.sqrt(np.pi) * np.cumprod((k - 0.5) / k)
+    row[n] = 0.0
     return row

@@ -11,7 +11,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from reports.analysis import CACHED, COLD, Record, schemes, select, thesis_clock
+from reports.analysis import CACHED, COLD, PUBLISHED, Record, schemes, select, short
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = "#000000", "#E69F00", "#56B4E9", "#009E73", "#C9B800", "#0072B2", "#D55E00", "#CC79A7"
 STYLE: dict[str, tuple[str, str]] = {  # colour, marker
@@ -93,10 +93,10 @@ def convergence(records: list[Record]) -> Any:
         (0.02, 2.5e-4, 1.3e-3, 2, "h$^2$"),
         (0.02, 1e-6, 1.3e-3, 3, "h$^3$"),
         (0.06, 6e-8, 8e-3, 4, "h$^4$"),
-        (0.3, 1.5e-9, 0.1, 9, "h$^9$"),
     ):
         _slope(axes, x0, y0, x1, order, label)
-    axes.set(xlabel="step h (s)", ylabel="largest error over the second half of the path (unit of H)", ylim=(5e-15, 60))
+    _slope(axes, 0.15, 3e-13, 0.45, 9, "h$^9$", "right")
+    axes.set(xlabel="step h (s)", ylabel="largest error over the second half of the path (s$^{-1/2}$)", ylim=(5e-15, 60))
     axes.set_title("Every rule keeps its order; rounding, not cancellation, sets the floor")
     _legend(figure, axes, 4)
     return figure
@@ -107,7 +107,7 @@ def clocks(records: list[Record]) -> Any:
     figure, panels = plt.subplots(1, 2, figsize=(10.0, 5.2), sharey=True)
     thesis = select(records, problem="fresnel")
     for name in schemes(records):
-        _line(panels[0], select(thesis_clock(thesis), scheme=name), "h", "seconds", name)
+        _line(panels[0], select(thesis, scheme=name, clock=PUBLISHED), "h", "seconds", name)
         _line(panels[1], select(thesis, scheme=name, clock=CACHED), "h", "seconds", name)
     panels[0].set(title="weights built as published, inside the clock", xlabel="step h (s)", ylabel="time per value, one core (s)")
     panels[1].set(title="weights cached", xlabel="step h (s)")
@@ -119,19 +119,21 @@ def clocks(records: list[Record]) -> Any:
 
 def accuracy(records: list[Record]) -> Any:
     """Fig. 5-5 again: error against time under three clocks."""
-    figure, panels = plt.subplots(1, 3, figsize=(12.0, 5.6), sharey=True, sharex=True)
+    figure, panels = plt.subplots(1, 3, figsize=(12.0, 5.6), sharey=True)
     generic = select(records, problem="fresnel_generic")
     groups = (
-        ("weights built as published,\ninside the clock (the thesis)", thesis_clock(generic)),
-        ("weights built by basset,\ninside the clock", select(generic, clock=COLD)),
-        ("weights cached", select(generic, clock=CACHED)),
+        ("weights built as published,\ninside the clock (the thesis)", PUBLISHED),
+        ("weights built by basset,\ninside the clock", COLD),
+        ("weights cached\n(mind the scale)", CACHED),
     )
-    for axes, (title, chosen) in zip(panels, groups, strict=True):
-        for name in schemes(chosen):
-            _line(axes, select(chosen, scheme=name), "seconds", "error_max", name)
+    for axes, (title, clock) in zip(panels, groups, strict=True):
+        for name in schemes(generic):
+            _line(axes, select(generic, scheme=name, clock=clock), "seconds", "error_max", name)
         axes.set(title=title, xlabel="time per value, one core (s)", ylim=(5e-15, 60))
-    panels[0].set_ylabel("largest error over the second half of the path (unit of H)")
-    figure.suptitle("Error against time: once building the weights is cheap, the highest order is the cheapest")
+    low, high = panels[2].get_xlim()
+    panels[2].set_xlim(low / 1.5, max(high, 20.0 * low))
+    panels[0].set_ylabel("largest error over the second half of the path (s$^{-1/2}$)")
+    figure.suptitle("Error against time: with the weights at hand, digits are almost free, and the high orders give the most")
     _legend(figure, panels[1], 6)
     return figure
 
@@ -150,11 +152,11 @@ def weight_errors(errors: list[Record]) -> Any:
         if r["builder"] == "ours":
             worst[r["lag"]] = max(worst.get(r["lag"], 0.0), r["error"])
     axes.loglog(list(worst), [max(e, 1e-18) for e in worst.values()], color=BLACK, marker="*", label="basset, double, worst of degrees 1 to 10")
-    for x0, y0, x1, order, label in ((3e2, 3e-12, 1e4, 2, "j$^2$"), (1e2, 5e-11, 2e3, 3, "j$^3$"), (3e1, 5e-11, 6e2, 4, "j$^4$")):
-        _slope(axes, x0, y0, x1, order, label, "right")
+    _slope(axes, 3e1, 1e-8, 4e2, 4, "j$^4$", "right")
+    _slope(axes, 1e3, 2e-15, 1e5, 2, "j$^2$", "right")
     axes.axhline(1.0, color="#999999", linewidth=0.8)
     axes.annotate("no digit left", (11, 1.0), xytext=(0, 3), textcoords="offset points", color="#666666", fontsize=9)
-    axes.set(xlabel="lag j (steps)", ylabel="relative error of the weight", ylim=(1e-18, 1e10))
+    axes.set(xlabel="lag j (steps)", ylabel="relative error of the weight", ylim=(1e-18, 1e8))
     axes.set_title("The published formulas lose all digits in double precision; nothing cancels in basset's")
     _legend(figure, axes, 3)
     return figure
@@ -178,7 +180,7 @@ def weight_times(building: list[Record]) -> Any:
         axes.loglog([r["n"] for r in rows], [r["seconds"] for r in rows], dash, color=colour, marker=marker, label=label)
     _slope(axes, 2e4, 2e-5, 2e5, 1, "n", "right")
     axes.set(xlabel="number of weights", ylabel="time to build, one core (s)")
-    axes.set_title("Exact weights cost no more than inexact ones; quadruple precision is not needed")
+    axes.set_title("Exact weights are built in about a millisecond; quadruple precision is not needed")
     _legend(figure, axes, 3)
     return figure
 
@@ -193,10 +195,10 @@ def trajectory(records: list[Record], ratios: list[Record]) -> Any:
             axes.loglog([r["n"] for r in rows], [r["seconds"] for r in rows], dash, color=colour, marker=marker, label=label)
     rows = select(ratios, order=1)
     axes.loglog([r["n"] for r in rows], [r["fftconvolve"] for r in rows], ":", color=BLACK, marker="x", label="scipy.signal.fftconvolve")
-    _slope(axes, 1.2e3, 1.2e-2, 6e3, 2, "N$^2$", "right")
-    _slope(axes, 8e3, 1.5e-4, 6e4, 1.08, "N log N", "right")
+    _slope(axes, 8e2, 8e-3, 3e3, 2, "N$^2$", "right")
+    _slope(axes, 8e3, 1.5e-4, 4e4, 1.08, "N log N", "right")
     axes.set(xlabel="steps N", ylabel="time for all nodes, weights cached, one core (s)")
-    axes.set_title("Every node costs one FFT convolution, whatever the order")
+    axes.set_title("A long path costs one FFT convolution, whatever the order")
     _legend(figure, axes, 3)
     return figure
 
@@ -204,12 +206,12 @@ def trajectory(records: list[Record], ratios: list[Record]) -> Any:
 def kernels(data: Record) -> Any:
     """Fig. 5-1 again."""
     figure, axes = plt.subplots(figsize=(7.0, 4.6))
-    ends = {"Basset": (BLACK, "-", 0), "Mei–Adrian": (BLUE, "--", 6), "Dorgan–Loth": (RED, "-.", -6)}
+    ends = {"Basset": (BLACK, "-", 0), "Mei–Adrian": (BLUE, "--", -7), "Dorgan–Loth": (RED, "-.", 7)}
     for name, (colour, dash, lift) in ends.items():
         axes.loglog(data["lags"], data["values"][name], dash, color=colour, linewidth=2)
         axes.annotate(name, (data["lags"][-1], data["values"][name][-1]), xytext=(4, lift), textcoords="offset points", color=colour, va="center")
-    _slope(axes, 1e-4, 4e1, 2e-2, -0.5, "s$^{-1/2}$", "right")
-    _slope(axes, 8, 2.5e-3, 80, -2, "s$^{-2}$")
+    _slope(axes, 1e-4, 2e1, 2e-3, -0.5, "s$^{-1/2}$", "right")
+    _slope(axes, 4, 1e-2, 40, -2, "s$^{-2}$", "right")
     axes.set(xlabel="lag s = t − τ (s); recent times on the left", ylabel="K(s) (s$^{-1/2}$)", xlim=(1e-4, 1.2e3))
     axes.set_title(f"At Re = {data['reynolds']:g} the memory fades as s$^{{-2}}$, not as s$^{{-1/2}}$")
     return figure
@@ -225,8 +227,8 @@ def window(data: Record) -> Any:
     axes.loglog(lags[~inside], values[~inside], "--", color=BLUE, linewidth=4, alpha=0.7)
     axes.axvline(edge, color="#999999", linestyle=":")
     axes.annotate(f"window {edge:g} s", (edge, 1.3e2), xytext=(4, 0), textcoords="offset points", color="#666666")
-    axes.annotate("K_win: summed sample by sample", (1.5e-3, 3.2e1), color="#9A6A00")
-    axes.annotate("K_tail: a cheap approximation, or dropped", (0.4, 2.1), color=BLUE)
+    axes.annotate("K$_{win}$: summed sample by sample", (1.3e-4, 2.0), color="#9A6A00")
+    axes.annotate("K$_{tail}$: approximated cheaply\nor dropped", (1.0, 2.5), color=BLUE)
     axes.set(xlabel="lag s = t − τ (s); recent times on the left", ylabel="K(s) (s$^{-1/2}$)", ylim=(5e-2, 2e2))
     axes.set_title("A window sums the recent past and approximates or drops the rest")
     return figure
@@ -243,8 +245,8 @@ def peers(records: list[Record], target: float, ratio: str) -> Any:
         width = 2.2 if name.startswith("basset") else 1.3
         axes.loglog([r["seconds"] for r in rows], [r["error"] for r in rows], color=colour, marker=marker, markersize=8, linewidth=width, label=name)
     axes.axhline(target, color="#999999", linestyle=":")
-    axes.annotate(f"{target:.0e}", (axes.get_xlim()[1], target), xytext=(-2, 3), textcoords="offset points", ha="right", color="#666666", fontsize=9)
-    axes.set(xlabel="time for every node, callables included, one core (s)", ylabel="largest error over the whole path (unit of H)")
-    axes.set_title(f"Every node to {target:.0e}: basset is {ratio} faster than the fastest peer")
+    axes.annotate(f"{short(target)}", (axes.get_xlim()[1], target), xytext=(-2, 3), textcoords="offset points", ha="right", color="#666666", fontsize=9)
+    axes.set(xlabel="time for every node, callables included, one core (s)", ylabel="largest error over the whole path (s$^{-1/2}$)")
+    axes.set_title(f"Every node to {short(target)}: basset, weights cached, is {ratio} faster than the fastest peer")
     _legend(figure, axes, 2)
     return figure

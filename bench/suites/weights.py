@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -62,19 +64,24 @@ def _ours(p: int, n: int) -> None:
 
 
 def building(full: bool) -> list[dict[str, Any]]:
-    """Seconds to build n weights; quadruple precision only as far as about one second reaches."""
-    patience = 1.0 if full else 0.25
-    records = []
-    slow: set[str] = set()
-    for n in 2 ** np.arange(10, 19):
-        contenders: dict[str, Any] = {f"ours, p = {p}": lambda p=p, n=n: _ours(p, n) for p in (1, 3, 8)}
-        contenders |= {f"published double, p = {p}": lambda p=p, n=n: published.daitche(p, n) for p in (1, 3)}
-        contenders["thesis 5-7"] = lambda n=n: published.hinsberg(n)
-        contenders["published quad, p = 3"] = lambda n=n: published.daitche(3, n, "quad")
-        times = measure.interleaved({k: v for k, v in contenders.items() if k not in slow}, rounds=3, seconds=0.01, patience=patience / 3)
-        records += [{"builder": k, "n": n, "seconds": v} for k, v in times.items()]
-        slow |= {k for k, v in times.items() if v > patience / 2}
-    return records
+    """Seconds to build n weights, all builders and lengths taking turns; quadruple precision up to about a second."""
+    patience = 1.0 if full else 0.5
+    builders: dict[str, Callable[[int], Any]] = {
+        **{f"ours, p = {p}": lambda n, p=p: _ours(p, n) for p in (1, 3, 8)},
+        **{f"published double, p = {p}": lambda n, p=p: published.daitche(p, n) for p in (1, 3)},
+        "thesis 5-7": published.hinsberg,
+        "published quad, p = 3": lambda n: published.daitche(3, n, "quad"),
+    }
+    calls: dict[tuple[str, int], Callable[[], Any]] = {}
+    for name, build in builders.items():
+        for n in 2 ** np.arange(10, 19):
+            start = time.perf_counter()
+            build(int(n))
+            calls[name, int(n)] = lambda build=build, n=n: build(int(n))
+            if time.perf_counter() - start > patience / 2.0:
+                break
+    times = measure.interleaved(calls, rounds=10, seconds=0.0, patience=patience / 10.0)
+    return [{"builder": name, "n": n, "seconds": seconds} for (name, n), seconds in times.items()]
 
 
 def run(full: bool) -> dict[str, Any]:

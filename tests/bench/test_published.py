@@ -56,3 +56,13 @@ def test_double_precision_loses_digits_with_the_lag(degree, lag, loss):
     assert loss / 20.0 < error < loss * 20.0
     ours = basset.Daitche(degree).weights(lag + 100, 1.0)[lags]
     assert np.abs(ours / exact - 1.0).max() < 1e-15
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 40, 1001])
+def test_the_oldest_rules_equal_the_library(n):
+    for build, rule in (
+        (published.euler_maclaurin, basset.EulerMaclaurin()),
+        (published.brush, basset.Brush()),
+        (published.semi_derivative, basset.SemiDerivative()),
+    ):
+        assert np.allclose(build(n), rule.weights(n, 1.0), rtol=1e-13, atol=0.0)
