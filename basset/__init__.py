@@ -5,6 +5,7 @@ H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that b
 
 from basset.evaluate import cumulate, integrate
 from basset.exponentials import ExponentialSum
+from basset.finite_reynolds import VaryingSlipKernel
 from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
 from basset.quadrature import (
     SCHEMES,
@@ -35,6 +36,7 @@ __all__ = [
     "Rule",
     "SemiDerivative",
     "UnknownSchemeError",
+    "VaryingSlipKernel",
     "Windowed",
     "cumulate",
     "integrate",

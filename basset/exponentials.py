@@ -168,9 +168,7 @@ class ExponentialSum:
         kept = covers & (table.error <= rtol)
         if not kept.any():
             if not covers.any():
-                raise ValueError(
-                    f"far/near must be within the tabulated range (1e12 for the Basset kernel), got near = {near:g}, far = {far:g} seconds for {kernel!r}"
-                )
+                raise ValueError(f"near and far must lie within the tabulated range, {table.reach(stretch)} for {kernel!r}, got {near:g} and {far:g} seconds")
             best = table.error[covers].min()
             raise ValueError(f"rtol must be at least {best:.2g} for near = {near:g} and far = {far:g} seconds, got {rtol:g}")
         candidates = np.flatnonzero(kept & (table.terms == table.terms[kept].min()))
@@ -224,6 +222,12 @@ class _Table:
     offset: Any
     log_rates: Floats
     log_weights: Floats
+
+    def reach(self, stretch: float) -> str:
+        """What can be asked for, in words."""
+        if (self.far == 1.0).all():
+            return f"far/near up to {1.0 / self.near.min():.3g}"
+        return f"near from {self.near.min() / stretch:.3g} s, far up to {self.far.max() / stretch:.3g} s and far/near up to 1e12"
 
 
 def _load(name: str) -> dict[str, Any]:

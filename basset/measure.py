@@ -39,12 +39,15 @@ def interleaved(contenders: Mapping[Name, Callable[[], Any]], rounds: int = 7, s
 
     Returns
     -------
-    dict of name to seconds per call
+    dict of name to seconds per call; NaN for a contender that raises
     """
     calls: dict[Name, int] = {}
     best: dict[Name, float] = {}
     for name, call in contenders.items():
-        best[name] = once = _timed(call, 1)  # warm-up: compilation, caches
+        try:
+            best[name] = once = _timed(call, 1)  # warm-up: compilation, caches
+        except Exception:  # a failure is a row without a time; it must not cost the others theirs
+            best[name] = once = float("nan")
         if once <= patience:
             best[name] = once = _timed(call, 1)
             calls[name] = max(1, min(10_000, round(seconds / max(once, 1e-7))))

@@ -152,7 +152,7 @@ class Plan:
             quotient[:, q] += np.exp(-rates) * quotient[:, q - 1]
         self._gains = root * quotient[:, degree]
         self._fixed_terms = root * quotient[:, :degree]  # what the fixed weights already hold of each exponential
-        local = self._window_weights(lags)
+        local = self.window_weights(base, self._unit, window, lags)
         start = window - centre
         local[start : start + degree] += quotient[:, :degree].sum(axis=0)
         entry = np.zeros((len(rates), steady + 1))  # newest first until the end
@@ -163,18 +163,17 @@ class Plan:
         entry[:, start : start + degree] -= quotient[:, :degree]
         return steady, root * local[::-1], root * entry[:, ::-1]
 
-    def _window_weights(self, lags: int) -> Floats:
-        """Weights (lags+1,), newest first, of the panels inside the window, none shifted at its old end."""
-        base, window = self._base, self._window
-        assert isinstance(base, Daitche) and window is not None
+    @staticmethod
+    def window_weights(base: Daitche, unit: Kernel, window: int, lags: int) -> Floats:
+        """Weights (lags+1,), newest first, of the panels inside the window, none shifted at its old end; unit step."""
         degree, centre = base.order, base.order // 2
         local = np.zeros(max(lags, degree) + 1)
         first = 0
         if window > 4 * degree + 4:  # samples whose panels all lie inside have the whole-history weights
             whole = window - centre
-            local[:whole] = table(base, self._unit, "rate").interior(whole)[::-1]
+            local[:whole] = table(base, unit, "rate").interior(whole)[::-1]
             first = whole - degree
-        integrals = panel_integrals(first, window, degree, self._unit)
+        integrals = panel_integrals(first, window, degree, unit)
         edge = np.zeros_like(local)
         for k in range(first, window):
             start = max(k - centre, 0)

@@ -15,7 +15,7 @@ import abc
 import math
 import threading
 from collections import OrderedDict
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 import scipy.fft
@@ -27,6 +27,7 @@ from basset.quadrature.cache import ByteCache
 
 if TYPE_CHECKING:
     from basset.exponentials import ExponentialSum
+    from basset.finite_reynolds import VaryingPlan, VaryingSlipKernel
     from basset.streaming import Plan
 
 INPUTS = ("rate", "slip")
@@ -128,7 +129,13 @@ class Rule(abc.ABC):
         TABLES.trim()
         return result
 
-    def plan(self, dt: float, horizon: float, kernel: Kernel = BassetKernel()) -> Plan:
+    @overload
+    def plan(self, dt: float, horizon: float, kernel: Kernel = ...) -> Plan: ...
+
+    @overload
+    def plan(self, dt: float, horizon: float, kernel: VaryingSlipKernel) -> VaryingPlan: ...
+
+    def plan(self, dt: float, horizon: float, kernel: Kernel | VaryingSlipKernel = BassetKernel()) -> Plan | VaryingPlan:
         """Make the rule ready to stream: all set-up happens here.
 
         Parameters
@@ -138,12 +145,12 @@ class Rule(abc.ABC):
         horizon : float, seconds
             The longest time that will be remembered, counted from the first sample. A window without tail, and a published
             tail, run on beyond it.
-        kernel : Kernel
-            What is remembered.
+        kernel : Kernel or VaryingSlipKernel
+            What is remembered; with a VaryingSlipKernel the plan's methods take `slip=`.
 
         Returns
         -------
-        basset.streaming.Plan
+        basset.streaming.Plan, or basset.finite_reynolds.VaryingPlan
 
         Raises
         ------
@@ -151,9 +158,11 @@ class Rule(abc.ABC):
             If dt or horizon is not positive, the rule has no form for the kernel, the window is shorter than a step, or
             the tail was made for another kernel or does not reach from the window to the horizon.
         """
-        from basset.streaming import Plan
+        from basset import finite_reynolds, streaming
 
-        return Plan(self, dt, horizon, kernel)
+        if isinstance(kernel, finite_reynolds.VaryingSlipKernel):
+            return finite_reynolds.plan(self, dt, horizon, kernel)
+        return streaming.Plan(self, dt, horizon, kernel)
 
 
 class FullRule(Rule):

@@ -1,0 +1,401 @@
+"""Finite-Reynolds kernels whose slip varies: no convolution any more, and two honest ways to evaluate it.
+
+H(t) = Σ_j Δ_j K(t − t_j; U) + ∫ K(t − τ; U) g(τ) dτ with the Mei–Adrian family's K(s; U). The literature is ambiguous
+whether U is the slip at t or at τ; both are offered.
+
+* Daitche and Windowed (without tail): the direct sum, product integration with the kernel of each slip. The reference:
+  exact weights, a fraction of a millisecond per sample and distinct slip.
+* Exponential: K = C^(1/3) k(C^(2/3) s), so the sum for k is run on an inner clock dx = C(t)^(2/3) dt, with the kernel of
+  the slip at t on the newest panels. Exact for a steady slip; a model of its own otherwise: the memory of a fast stretch
+  fades fast. Constant memory, well below a microsecond per term.
+
+Outside its validity (flow reversal, a sphere that nearly stops: the s^(-2) tail is too fast, Lawrence & Mei 1995) the clock
+would stand still and the memory never fade: slips below the kernel's range are taken at its end, and counted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basset import _validate
+from basset.exponentials import ExponentialSum
+from basset.kernels import Floats, MeiAdrianKernel
+from basset.quadrature.base import FullRule, Rule, WeightTable
+from basset.quadrature.exponential import Exponential
+from basset.quadrature.product import Daitche, lagrange
+from basset.quadrature.windowed import Windowed
+
+
+@dataclass(frozen=True)
+class VaryingSlipKernel:
+    """The Mei–Adrian family with a slip that varies in time; pass it to `rule.plan` and `slip=` to the plan's methods.
+
+    Parameters
+    ----------
+    diameter : float, m
+    viscosity : float, m²/s
+    slip_range : (float, float), m/s
+        The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is taken at the
+        nearer end and counted (`plan.outside`).
+    slip_at : {"t", "tau"}
+        Whether the kernel is that of the slip now or of the slip when the rate acted. The inner clock takes "t" only.
+    c1, c2 : float
+        As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is out of range.
+    """
+
+    diameter: float
+    viscosity: float
+    slip_range: tuple[float, float]
+    slip_at: str = "t"
+    c1: float = 2.0
+    c2: float = 0.105
+
+    def __post_init__(self) -> None:
+        try:
+            low, high = self.slip_range
+        except (TypeError, ValueError):
+            raise TypeError(f"slip_range must be a pair (low, high) in m/s, got {_validate.shown(self.slip_range)}") from None
+        low, high = _validate.positive("slip_range[0]", low, "m/s"), _validate.positive("slip_range[1]", high, "m/s")
+        if high <= low:
+            raise ValueError(f"slip_range must rise, got ({low:g}, {high:g}) m/s")
+        object.__setattr__(self, "slip_range", (low, high))
+        _validate.choice("slip_at", self.slip_at, ("t", "tau"))
+        for slip in (low, high):
+            self.at(slip)
+
+    def at(self, slip: float) -> MeiAdrianKernel:
+        """The kernel of one slip (m/s)."""
+        return MeiAdrianKernel(slip, self.diameter, self.viscosity, self.c1, self.c2)
+
+    def steepness(self, slip: Floats) -> Floats:
+        """C(U) in s^(-3/2), elementwise, as MeiAdrianKernel.steepness."""
+        friction = 0.75 + self.c2 * slip * self.diameter / self.viscosity
+        return np.asarray(0.5 * math.sqrt(math.pi) * (slip / friction / math.sqrt(self.viscosity)) ** 3)
+
+
+class VaryingState(NamedTuple):
+    """What a stream with varying slip remembers: float64 arrays only, newest first along the second axis.
+
+    Attributes
+    ----------
+    samples, impulses : ndarray (components, lags)
+        Newest rates and jumps of f at nodes.
+    memory : ndarray (components, …)
+        Exponentials (inner clock), or what earlier samples will still add (slip at τ).
+    clocks : ndarray (components, …)
+        Newest intervals of the inner clock.
+    steepness : ndarray (components,)
+        C at the newest node, in steps.
+    history : ndarray, shape of one sample
+        H at the newest node.
+    counters : ndarray (2,)
+        Nodes so far; slips outside the kernel's range.
+    """
+
+    samples: Floats
+    impulses: Floats
+    memory: Floats
+    clocks: Floats
+    steepness: Floats
+    history: Floats
+    counters: Floats
+
+
+class VaryingPlan:
+    """What the two evaluations share: the methods of `basset.streaming.Plan`, with the slip beside every sample.
+
+    `slip` is the magnitude of the slip velocity in m/s: a number, one per grain (shape of a sample without its last axis),
+    or the shape of a sample. Jumps are at nodes; a jump of the rate (`g`) is averaged there (first order).
+    """
+
+    def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
+        self.rule, self.kernel = rule, kernel
+        self.dt = _validate.positive("dt", dt, "seconds")
+        self.steps = max(1, math.ceil(_validate.positive("horizon", horizon, "seconds") / self.dt * (1.0 - 1e-12)))
+
+    def _widths(self) -> tuple[int, int, int]:
+        """Lags, memory and clocks kept per component."""
+        raise NotImplementedError
+
+    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
+        """H at every row of rates (steps, components); bends are the unit-step C'."""
+        raise NotImplementedError
+
+    def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
+        """An empty state for samples of that shape."""
+        shape = shape if isinstance(shape, tuple) else (shape,)
+        n = math.prod(_validate.integer("shape", size, 0) for size in shape)
+        lags, memory, clocks = self._widths()
+        return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros((n, clocks)), np.zeros(n), np.zeros(shape), np.zeros(2))
+
+    def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
+        """Accept a block of rates (steps, *shape) with the slips (steps, …) at the same nodes; H at each, same shape.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If a shape is wrong, a value is not finite, a slip is negative, or the horizon is exceeded; the state is then
+            unchanged.
+        """
+        from basset.evaluate import _converted
+
+        rates = _converted("G", G)
+        shape = state.history.shape
+        if rates.ndim == 0 or rates.shape[1:] != shape:
+            raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        node, steps = int(state.counters[0]), len(rates)
+        if node + steps > self.steps + 1:
+            raise ValueError(
+                f"horizon must cover the stream: it was planned for {self.steps} steps of {self.dt:g} s after the first sample, got step {node + steps - 1}"
+            )
+        slips = _converted("slip", slip)
+        if slips.ndim == 0 or len(slips) != steps or slips.shape[1:] not in ((), shape[:-1], shape):
+            raise ValueError(f"slip must have the shape ({steps},), {(steps, *shape[:-1])} or {(steps, *shape)}, got {slips.shape}")
+        for name, values in (("G", rates), ("slip", slips)):
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
+        if steps and slips.min() < 0.0:
+            raise ValueError(f"slip must be 0 or greater (m/s), got {slips.min():g}")
+        slips = slips.reshape(slips.shape + (1,) * (1 + len(shape) - slips.ndim))
+        low, high = self.kernel.slip_range
+        slips = np.broadcast_to(slips, rates.shape)
+        inside = np.clip(slips, low, high)
+        bends = (self.kernel.steepness(inside) * self.dt**1.5).reshape(steps, -1)
+        history = self._advance(state, np.ascontiguousarray(rates.reshape(steps, -1)), np.ascontiguousarray(bends)).reshape(steps, *shape)
+        if steps:
+            state.history[...] = history[-1]
+        state.counters[:] += np.array([steps, np.count_nonzero(inside != slips)])
+        return history
+
+    def push(self, state: VaryingState, g: ArrayLike, slip: ArrayLike) -> None:
+        """Accept the next rate and the slip there, in place; errors as `run`."""
+        from basset.evaluate import _converted
+
+        self.run(state, _converted("g", g)[None], _converted("slip", slip)[None])
+
+    def value(self, state: VaryingState) -> Any:
+        """H at the newest node; 0 after the first push."""
+        return state.history.copy() if state.history.ndim else float(state.history)
+
+    def tail(self, state: VaryingState, slip: ArrayLike) -> Any:
+        """H at the next node for a next rate of zero and that slip; the state is not changed."""
+        probe = VaryingState(*(array.copy() for array in state))
+        self.push(probe, np.zeros(state.history.shape), slip)
+        return self.value(probe)
+
+    def local(self, state: VaryingState, slip: ArrayLike) -> Any:
+        """The factor of the next rate in H at the next node, for that slip: H = tail + local·g, shape of one sample."""
+        zero, one = (VaryingState(*(array.copy() for array in state)) for _ in range(2))
+        self.push(zero, np.zeros(state.history.shape), slip)
+        self.push(one, np.ones(state.history.shape), slip)
+        return self.value(one) - self.value(zero)
+
+    def jump(self, state: VaryingState, delta: ArrayLike, g: ArrayLike | None = None) -> None:
+        """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If there is no sample yet, a shape is wrong or a number is not finite.
+        """
+        from basset.evaluate import _converted
+
+        if not state.counters[0]:
+            raise ValueError("jump needs a first sample: push it before the jump, got an empty state")
+        for name, value in (("delta", delta), ("g", g)):
+            if value is None:
+                continue
+            values = _converted(name, value)
+            if values.ndim and values.shape != state.history.shape:
+                raise ValueError(f"{name} must have the shape {state.history.shape} of one sample, got {values.shape}")
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
+            column = np.broadcast_to(values, state.history.shape).ravel()
+            if name == "delta":
+                self._impulse(state, column)
+            else:
+                self._replace_newest(state, 0.5 * (state.samples[:, 0] + column))
+
+    def _impulse(self, state: VaryingState, delta: Floats) -> None:
+        state.impulses[:, 0] += delta / self.dt  # in units of rate × step
+
+    def _replace_newest(self, state: VaryingState, rate: Floats) -> None:
+        state.samples[:, 0] = rate
+
+    def outside(self, state: VaryingState) -> int:
+        """How many slips so far lay outside the kernel's range."""
+        return int(state.counters[1])
+
+
+class DirectPlan(VaryingPlan):
+    """The direct sum over the window (or the whole history) with exact weights for every slip."""
+
+    def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
+        super().__init__(rule, dt, horizon, kernel)
+        self._base: FullRule = rule._remembered
+        window = rule._window_steps(self.dt)
+        self._window = self.steps if window is None else min(window, self.steps)
+
+    def _widths(self) -> tuple[int, int, int]:
+        return self._window + 1, self._window + 1 if self.kernel.slip_at == "tau" else 0, 0
+
+    def _table(self, bend: float) -> WeightTable:
+        return _slip_table(self._base, bend, self.kernel.c1)
+
+    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
+        history = np.zeros_like(rates)
+        root, node = math.sqrt(self.dt), int(state.counters[0])
+        for step, (row, bend) in enumerate(zip(rates, bends, strict=True)):
+            n = node + step
+            state.samples[:, 1:] = state.samples[:, :-1].copy()
+            state.impulses[:, 1:] = state.impulses[:, :-1].copy()
+            state.samples[:, 0], state.impulses[:, 0] = row, 0.0
+            state.steepness[:] = bend
+            used = min(n, self._window)
+            if self.kernel.slip_at == "tau":
+                history[step] = self._scattered(state, n, row, bend)
+            elif used:
+                for c in range(len(row)):
+                    weights = np.concatenate(self._table(float(bend[c])).row(used))[::-1]
+                    history[step, c] = weights @ state.samples[c, : used + 1] + self._jumps(state.impulses[c, 1 : used + 1], float(bend[c]))
+            history[step] *= root
+        return history
+
+    def _jumps(self, impulses: Floats, bend: float) -> float:
+        lags = np.flatnonzero(impulses) + 1.0
+        return float(_unit_kernel(bend, self.kernel.c1)._values(lags) @ impulses[impulses != 0.0]) if len(lags) else 0.0
+
+    def _scattered(self, state: VaryingState, n: int, row: Floats, bend: Floats) -> Floats:
+        """Give every future node what this sample will add there (slip at τ: its weights are known once and for all)."""
+        width = self._window + 1
+        slots = (n + np.arange(width)) % width
+        state.memory[:, (n - 1) % width] = 0.0
+        for c, rate in enumerate(row):
+            state.memory[c, slots] += rate * self._column(n, float(bend[c]))
+        return np.asarray(state.memory[:, n % width]) if n else np.zeros(len(row))
+
+    def _column(self, i: int, bend: float) -> Floats:
+        """Weights of sample i at nodes i … i + window."""
+        base, table, window = self._base, self._table(bend), self._window
+        result = table.interior(window + 1)[::-1].copy()
+        nodes = i + np.arange(window + 1)
+        early = nodes[nodes < min(base._first, window + 1)]
+        for n in early:
+            result[n - i] = table.row(n)[0][i] if n else 0.0
+        if i < base._reach:
+            rows = nodes[(nodes >= base._first) & (nodes <= window)]
+            if len(rows):
+                result[rows - i] = base._oldest(rows, table._kernel, "rate")[:, i]
+        edge = np.concatenate(table.row(window))[::-1]
+        full = nodes >= max(window, 1)
+        result[full] = edge[full]
+        return result
+
+    def _impulse(self, state: VaryingState, delta: Floats) -> None:
+        super()._impulse(state, delta)
+        if self.kernel.slip_at == "tau":
+            width, n = self._window + 1, int(state.counters[0]) - 1
+            lags = np.arange(1, width)
+            for c, bend in enumerate(state.steepness):
+                state.memory[c, (n + lags) % width] += delta[c] / self.dt * _unit_kernel(float(bend), self.kernel.c1)._values(lags.astype(float))
+
+    def _replace_newest(self, state: VaryingState, rate: Floats) -> None:
+        if self.kernel.slip_at == "tau":
+            n, width = int(state.counters[0]) - 1, self._window + 1
+            slots = (n + np.arange(width)) % width
+            for c, change in enumerate(rate - state.samples[:, 0]):
+                state.memory[c, slots] += change * self._column(n, float(state.steepness[c]))
+        super()._replace_newest(state, rate)
+
+
+class ClockPlan(VaryingPlan):
+    """The inner clock: kernel of the slip at t on the newest panels, a sum of exponentials of k(x) for the rest."""
+
+    def __init__(self, rule: Exponential, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
+        super().__init__(rule, dt, horizon, kernel)
+        if kernel.slip_at != "t":
+            raise ValueError(f"slip_at must be 't' for Exponential, got {kernel.slip_at!r}: the inner clock runs with the slip now; use Windowed")
+        self._degree = degree = rule.order
+        self._window = degree // 2 + 1
+        self._lags = self._window + (degree + 1) // 2
+        self._steady = max(degree + 1, self._lags - 1)
+        low, high = (float(kernel.steepness(np.array(slip))) * self.dt**1.5 for slip in kernel.slip_range)
+        self._span = np.log(np.array([low, high]))
+        unit = _unit_kernel(1.0, kernel.c1)  # K = k: x counts its time
+        near, far = self._window * low ** (2.0 / 3.0), max(self.steps, 2 * self._window) * high ** (2.0 / 3.0)
+        self.tail_sum = ExponentialSum.fit(near / unit.steepness ** (2.0 / 3.0), far / unit.steepness ** (2.0 / 3.0), rule.rtol, unit)
+        self._rows = self._local_series(rule.rtol)
+        u = np.linspace(0.0, 1.0, degree + 1)
+        powers = np.linalg.inv(np.vander(u, increasing=True))
+        self._monomials = np.stack([powers @ lagrange(np.arange(degree + 1.0), o + u)[0] for o in range(degree)])
+
+    def _widths(self) -> tuple[int, int, int]:
+        return self._lags + 1, len(self.tail_sum), self._lags
+
+    def _local_series(self, rtol: float) -> Floats:
+        """Local weights as Chebyshev series in ln C': rows for start-up nodes 1 … steady−1 and for the steady form."""
+        from basset.streaming import Plan
+
+        def sampled(log_bend: float) -> Floats:
+            kernel = _unit_kernel(math.exp(log_bend), self.kernel.c1)
+            table, result = WeightTable(Daitche(self._degree), kernel, "rate"), np.zeros((self._steady, self._lags + 1))
+            for n in range(1, self._steady):
+                result[n - 1, : n + 1] = np.concatenate(table.row(n))[::-1]
+            result[-1] = Plan.window_weights(Daitche(self._degree), kernel, self._window, self._lags)
+            return result
+
+        for count in (16, 32, 64, 128, 256):
+            angles = math.pi * (np.arange(count) + 0.5) / count
+            middle, half = self._span.mean(), 0.5 * (self._span[1] - self._span[0])
+            values = np.stack([sampled(middle + half * x) for x in np.cos(angles)], axis=-1)
+            series = np.asarray(values @ np.cos(np.outer(angles, np.arange(count))) * (2.0 / count))
+            series[..., 0] *= 0.5
+            if np.abs(series[..., -count // 4 :]).max() <= 0.01 * rtol * np.abs(series[..., 0]).max():
+                return np.ascontiguousarray(series)
+        raise ValueError(f"slip_range must be narrower for rtol = {rtol:g}, got {self.kernel.slip_range}")
+
+    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
+        from basset import _clock
+
+        history = np.empty_like(rates)
+        arrays = (state.samples, state.memory, state.clocks, state.impulses, state.steepness, int(state.counters[0]), rates, bends, history)
+        shape = (self._window, self._steady, self._degree, self._monomials, self._rows, 1)
+        _clock.clock_run(*arrays, *shape, self.tail_sum.weights, self.tail_sum.rates, self._span, math.sqrt(self.dt), self.kernel.c1)
+        return history
+
+
+def _unit_kernel(bend: float, c1: float) -> MeiAdrianKernel:
+    """A kernel with steepness `bend` (c2 = 0: then C = √π/2 (U/0.75)³ at unit viscosity)."""
+    return MeiAdrianKernel(0.75 * (2.0 * bend / math.sqrt(math.pi)) ** (1.0 / 3.0), 1.0, 1.0, c1, 0.0)
+
+
+@lru_cache(maxsize=64)
+def _slip_table(base: FullRule, bend: float, c1: float) -> WeightTable:
+    """Weights for the unit-step steepness C': whatever slip, diameter and viscosity gave it."""
+    return WeightTable(base, _unit_kernel(bend, c1), "rate")
+
+
+def plan(rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> VaryingPlan:
+    """The stream of a rule for a slip that varies.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the rule has no such form.
+    """
+    if isinstance(rule, Exponential):
+        return ClockPlan(rule, dt, horizon, kernel)
+    if isinstance(rule, Daitche) or (isinstance(rule, Windowed) and rule.tail is None and isinstance(rule.rule, Daitche)):
+        return DirectPlan(rule, dt, horizon, kernel)
+    raise ValueError(f"rule must be Daitche, Windowed(Daitche) without tail, or Exponential for a slip that varies, got {_validate.shown(rule)}")
