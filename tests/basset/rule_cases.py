@@ -27,6 +27,14 @@ RULES: dict[str, Callable[[float], basset.Rule]] = {
     "windowed_daitche_5": lambda window: basset.Windowed(basset.Daitche(order=5), window),
 }
 
+# rules whose far memory is a sum of exponentials: fitted to the horizon, so their weights depend on it; rates only
+TAILED: dict[str, Callable[[float], basset.Rule]] = {
+    "exponential_1": lambda window: basset.Exponential(order=1, rtol=1e-4),
+    "exponential_3": lambda window: basset.Exponential(order=3, rtol=1e-9),
+    "exponential_8": lambda window: basset.Exponential(order=8, rtol=1e-12),
+    "published_tail": lambda window: basset.Hinsberg(window=window),
+}
+
 GRAIN = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}  # sand in water, m/s, m, m²/s: Re = 100
 KERNELS: dict[str, basset.Kernel] = {
     "basset": basset.BassetKernel(),
@@ -36,19 +44,23 @@ KERNELS: dict[str, basset.Kernel] = {
 
 
 def accepts(rule: basset.Rule, kernel: basset.Kernel) -> bool:
-    """Whether the method has a form for that kernel: the semi-derivative has one for the standard kernel only."""
+    """Whether the method has a form for that kernel: semi-derivative and published tail have one for the standard kernel only."""
     inner = getattr(rule, "rule", rule)
-    return isinstance(kernel, basset.BassetKernel) or not isinstance(inner, basset.SemiDerivative)
+    published = isinstance(rule, basset.Hinsberg) and rule._has_tail
+    return isinstance(kernel, basset.BassetKernel) or not (published or isinstance(inner, basset.SemiDerivative))
 
 
 def with_inputs(names: list[str]) -> list[tuple[str, str]]:
     """(rule name, input) for every input that the rule accepts."""
-    return [(name, input) for name in names for input in RULES[name](1.0).inputs]
+    return [(name, input) for name in names for input in ANY[name](1.0).inputs]
 
 
+ANY = RULES | TAILED
 FULL = [name for name, make in RULES.items() if make(1.0)._window_steps(1.0) is None]
 WINDOWED = [name for name in RULES if name not in FULL]
 
+any_rule = pytest.mark.parametrize("make", ANY.values(), ids=ANY)
+tailed_rules = pytest.mark.parametrize("make", TAILED.values(), ids=TAILED)
 every_rule = pytest.mark.parametrize("make", RULES.values(), ids=RULES)
 full_rules = pytest.mark.parametrize("make", [RULES[name] for name in FULL], ids=FULL)
 windowed_rules = pytest.mark.parametrize("make", [RULES[name] for name in WINDOWED], ids=WINDOWED)
@@ -56,9 +68,10 @@ windowed_rules = pytest.mark.parametrize("make", [RULES[name] for name in WINDOW
 
 def _inputs_mark(names: list[str]) -> pytest.MarkDecorator:
     pairs = with_inputs(names)
-    return pytest.mark.parametrize(("make", "input"), [(RULES[name], input) for name, input in pairs], ids=["-".join(pair) for pair in pairs])
+    return pytest.mark.parametrize(("make", "input"), [(ANY[name], input) for name, input in pairs], ids=["-".join(pair) for pair in pairs])
 
 
+any_rule_and_input = _inputs_mark(list(ANY))
 every_rule_and_input = _inputs_mark(list(RULES))
 full_rules_and_inputs = _inputs_mark(FULL)
 windowed_rules_and_inputs = _inputs_mark(WINDOWED)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rule_cases import EPS, KERNELS, ORDERS, RULES, accepts, every_rule, full_rules, full_rules_and_inputs, windowed_rules, windowed_rules_and_inputs
+from rule_cases import EPS, KERNELS, ORDERS, accepts, any_rule, full_rules, full_rules_and_inputs, tailed_rules, windowed_rules, windowed_rules_and_inputs
 
 import basset
 from basset import reference
@@ -359,7 +359,7 @@ class TestWindowed:
         assert basset.integrate(g, 0.1, make(0.1)) == pytest.approx(weights[0] * g[-1] + weights[1] * g[-2], rel=1e-14)
 
 
-@every_rule
+@any_rule
 def test_declares_what_it_is(make):
     rule = make(1.0)
     assert rule.error_order > 0.0
@@ -376,5 +376,36 @@ def test_declared_order_is_degree_plus_one(order):
     assert basset.Windowed(basset.Daitche(order=order), 1.0).error_order == order + 1
 
 
-def test_schemes_and_cases_are_the_same_rules():
-    assert {make(1.0).name for make in RULES.values()} <= set(basset.SCHEMES)
+class TestTail:
+    """Exact newest panels and a sum of exponentials beyond: as good as the polynomials, up to what was promised."""
+
+    @pytest.mark.parametrize("name", KERNELS)
+    @pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-10])
+    @pytest.mark.parametrize("order", [1, 3, 6])
+    def test_keeps_its_promise_at_every_node(self, order, rtol, name):
+        """|H − Daitche(p)| ≤ rtol ∫K|g|, with a few units for rough samples; g jumps about, so nothing averages out."""
+        kernel, dt = KERNELS[name], 1e-4
+        g = np.random.default_rng(order).standard_normal(1001)
+        H, exact = (basset.cumulate(g, dt, rule, kernel) for rule in (basset.Exponential(order, rtol), basset.Daitche(order)))
+        # ∫K|g| of the interpolant is at most the Lebesgue constant (2^p/p and less) times that of |g|
+        size = 2.0 * basset.cumulate(np.abs(g), dt, basset.Daitche(1), kernel)
+        assert np.all(np.abs(H - exact)[1:] <= rtol * size[1:] + 1e-13 * np.abs(exact[1:]).max())
+
+    @pytest.mark.parametrize("order", [1, 2, 3, 5])
+    def test_keeps_the_order_down_to_its_promise(self, order):
+        rule, problem = basset.Exponential(order, 1e-12), PROBLEMS["fresnel_generic"]
+        steps, errors, _ = path_errors(rule, problem, "rate", range(7, 15))
+        floor = 1e-12 * 2.0 * np.sqrt(problem.end)  # rtol ∫K|g|
+        assert last_slope(steps, errors, floor) >= rule.error_order - 0.25
+
+    def test_the_published_tail_is_good_to_two_digits(self):
+        problem = PROBLEMS["fresnel_generic"]
+        rule = basset.Hinsberg(window=2.0)
+        errors = path_errors(rule, problem, "rate", range(13, 16))[1]
+        assert np.all(errors <= 1e-2)
+        assert errors[-1] >= 1e-5  # and no step size makes it better
+
+    @tailed_rules
+    def test_refuses_slip_samples(self, make):
+        with pytest.raises(ValueError, match=r"input must be 'rate' for \w+, got 'slip'"):
+            basset.integrate(np.ones(5), 0.1, make(0.3), input="slip")
