@@ -21,7 +21,6 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
@@ -429,7 +428,9 @@ class Plan:
                 for m in range(panels):
                     future += weighted[:, m, q, None] * values[m + 1 : m + 1 + ahead]
             elif ahead and panels:
-                convolved = scipy.signal.fftconvolve(values[None, 1 : panels + ahead], weighted[:, ::-1, q], axes=1)
+                from scipy.signal import fftconvolve  # takes half a second to import
+
+                convolved = fftconvolve(values[None, 1 : panels + ahead], weighted[:, ::-1, q], axes=1)
                 future += convolved[:, panels - 1 : panels - 1 + ahead]
         coming = np.arange(1.0, ahead + 1.0)
         for s, piece in pieces:
