@@ -6,6 +6,7 @@ compile and cache misses stay apart) and its minimum over the rounds is kept.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import platform
@@ -58,11 +59,17 @@ def interleaved(contenders: Mapping[Name, Callable[[], Any]], rounds: int = 7, s
 
 
 def _timed(call: Callable[[], Any], count: int) -> float:
-    """Seconds per call, the mean of `count` calls."""
-    start = time.perf_counter()
-    for _ in range(count):
-        call()
-    return (time.perf_counter() - start) / count
+    """Seconds per call, the mean of `count` calls; the garbage collector waits meanwhile."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        start = time.perf_counter()
+        for _ in range(count):
+            call()
+        return (time.perf_counter() - start) / count
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def observed_orders(steps: ArrayLike, errors: ArrayLike) -> np.ndarray[Any, np.dtype[np.float64]]:

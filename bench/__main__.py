@@ -64,7 +64,8 @@ def main(names: tuple[str, ...], full: bool, output: Path) -> None:
             content = {"suite": name, "question": question(FOUND[name]), "full": full, "provenance": measure.provenance(command), **result}
             measure.write_json(output / f"{name}.json", content)
             progress.advance(task)
-            click.echo(f"{name}: {time.perf_counter() - start:.1f} s")
+            if console.is_terminal:
+                progress.console.print(f"{name}: {time.perf_counter() - start:.1f} s")
 
 
 if __name__ == "__main__":

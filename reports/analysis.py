@@ -28,6 +28,8 @@ def schemes(records: Iterable[Record]) -> list[str]:
 
 def short(value: float, digits: int = 0) -> str:
     """A small number in powers of ten, without the exponent's leading zero."""
+    if not math.isfinite(value):
+        return "–"
     mantissa, exponent = f"{value:.{digits}e}".split("e")
     return f"{mantissa}e{int(exponent)}"
 
@@ -86,7 +88,7 @@ def convergence(records: Sequence[Record]) -> list[Convergence]:
     rows = []
     for name in schemes(records):
         path = [r for r in select(records, scheme=name, clock=CACHED, problem="fresnel_generic") if r["error_max"] is not None]
-        end = select(records, scheme=name, clock=CACHED, problem="fresnel")
+        end = [r for r in select(records, scheme=name, clock=CACHED, problem="fresnel") if r["error_end"] is not None]
         declared = path[0]["order"]
         slope, floor = _last_slope([(r["h"], r["error_max"]) for r in path], declared)
         slope_end, _ = _last_slope([(r["h"], r["error_end"]) for r in end], declared)
@@ -133,10 +135,11 @@ def targets(data: dict[str, Record]) -> list[Target]:
         rows.append(Target(f"weights against mpmath, degree {low} to {high}", f"≤ {short(limit)}", f"{short(error, 1)}", error <= limit))
     for scheme, n, limit in (("Daitche(8)", 1024, 2e-10), ("Daitche(8)", 4096, 5e-15), ("Daitche(4)", 65536, 1e-14)):
         error = select(fresnel, scheme=scheme, clock=CACHED, problem="fresnel", n=n)[0]["error_end"]
+        error = math.inf if error is None else error
         rows.append(Target(f"t = 50π, {scheme}, {n + 1} samples", f"≤ {short(limit)}", f"{short(error, 1)}", error <= limit))
     risen = 0.0
     for name in schemes(fresnel):
-        errors = [r["error_end"] for r in select(fresnel, scheme=name, clock=CACHED, problem="fresnel")]
+        errors = [r["error_end"] for r in select(fresnel, scheme=name, clock=CACHED, problem="fresnel") if r["error_end"] is not None]
         below = [i for i, e in enumerate(errors) if e < 1e-12]
         risen = max([risen, *errors[below[0] :]]) if below else risen
     rows.append(Target("t = 50π, after an error below 1e-12, up to 2^20 steps", "≤ 1e-12", f"{short(risen, 1)}", risen <= 1e-12))

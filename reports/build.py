@@ -78,6 +78,7 @@ def opening(data: dict[str, Record], generic: Sequence[Record]) -> str:
     cached = select(generic, clock=CACHED)
     best, high = analysis.ranking(cached, 1e-9)[0], analysis.ranking(cached, 1e-6)[0]
     low = analysis.reaches(select(cached, scheme="Hinsberg"), 1e-6)
+    anew = analysis.ranking(select(generic, clock=COLD), 1e-9)[0]
     built = next(r for r in data["costs"]["building"] if r["scheme"] == "Daitche(8)")
     return fill(
         "opening.md",
@@ -87,6 +88,8 @@ def opening(data: dict[str, Record], generic: Sequence[Record]) -> str:
         high=high["scheme"],
         more=factor(low["n"] / high["n"]) if low else "far more than a hundred",
         same=short(data["weights"]["same"]["quad"]),
+        anew=anew["scheme"],
+        anew_time=seconds(anew["seconds"]),
         worst=short(max(r["error"] for r in data["weights"]["worst"])),
         built_n=grouped(built["n"]),
         built=seconds(built["seconds"]),
@@ -111,6 +114,16 @@ def build_shares(records: Sequence[Record]) -> str:
         cached = select(records, scheme=name, clock=CACHED, n=record["n"])[0]["seconds"]
         parts.append(f"{name} {1.0 - cached / record['seconds']:.1%} (N = {grouped(record['n'])})")
     return ", ".join(parts)
+
+
+def published_winners(records: Sequence[Record]) -> str:
+    """Who is the cheapest by the thesis's clock, for which error."""
+    winners: dict[str, list[str]] = {}
+    for tolerance in TOLERANCES:
+        ranked = analysis.ranking(select(records, clock=PUBLISHED), tolerance)
+        if ranked:
+            winners.setdefault(ranked[0]["scheme"], []).append(short(tolerance))
+    return "; ".join(f"{name} for {', '.join(found)}" for name, found in winners.items())
 
 
 def lost_digits(errors: Sequence[Record]) -> str:
@@ -163,6 +176,7 @@ def differences(data: dict[str, Record], generic: Sequence[Record]) -> dict[str,
         "same_cached": f"{ratio_over(generic, CACHED, 'Daitche(1)', 'Hinsberg'):.2f}",
         "same_cold": f"{ratio_over(generic, PUBLISHED, 'Daitche(1)', 'Hinsberg'):.2f}",
         "build_shares": build_shares(generic),
+        "published_winners": published_winners(generic),
         "lost": lost_digits(weights["errors"]),
         "largest_lag": grouped(max(r["lag"] for r in weights["errors"])),
         "quad_n": grouped(quad["n"]),

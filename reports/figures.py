@@ -156,7 +156,7 @@ def weight_errors(errors: list[Record]) -> Any:
     _slope(axes, 1e3, 2e-15, 1e5, 2, "j$^2$", "right")
     axes.axhline(1.0, color="#999999", linewidth=0.8)
     axes.annotate("no digit left", (11, 1.0), xytext=(0, 3), textcoords="offset points", color="#666666", fontsize=9)
-    axes.set(xlabel="lag j (steps)", ylabel="relative error of the weight", ylim=(1e-18, 1e8))
+    axes.set(xlabel="lag j (steps)", ylabel="relative error of the weight", ylim=(1e-18, 1e12))
     axes.set_title("The published formulas lose all digits in double precision; nothing cancels in basset's")
     _legend(figure, axes, 3)
     return figure
@@ -195,7 +195,7 @@ def trajectory(records: list[Record], ratios: list[Record]) -> Any:
             axes.loglog([r["n"] for r in rows], [r["seconds"] for r in rows], dash, color=colour, marker=marker, label=label)
     rows = select(ratios, order=1)
     axes.loglog([r["n"] for r in rows], [r["fftconvolve"] for r in rows], ":", color=BLACK, marker="x", label="scipy.signal.fftconvolve")
-    _slope(axes, 8e2, 8e-3, 3e3, 2, "N$^2$", "right")
+    _slope(axes, 3e3, 1e-1, 1.5e4, 2, "N$^2$", "right")
     _slope(axes, 8e3, 1.5e-4, 4e4, 1.08, "N log N", "right")
     axes.set(xlabel="steps N", ylabel="time for all nodes, weights cached, one core (s)")
     axes.set_title("A long path costs one FFT convolution, whatever the order")

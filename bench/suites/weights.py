@@ -80,7 +80,7 @@ def building(full: bool) -> list[dict[str, Any]]:
             calls[name, int(n)] = lambda build=build, n=n: build(int(n))
             if time.perf_counter() - start > patience / 2.0:
                 break
-    times = measure.interleaved(calls, rounds=10, seconds=0.0, patience=patience / 10.0)
+    times = measure.interleaved(calls, rounds=6, seconds=0.0, patience=patience / 2.0)
     return [{"builder": name, "n": n, "seconds": seconds} for (name, n), seconds in times.items()]
 
 
