@@ -170,7 +170,7 @@ class ExponentialSum:
             if not covers.any():
                 raise ValueError(f"near and far must lie within the tabulated range, {table.reach(stretch)} for {kernel!r}, got {near:g} and {far:g} seconds")
             best = table.error[covers].min()
-            raise ValueError(f"rtol must be at least {best:.2g} for near = {near:g} and far = {far:g} seconds, got {rtol:g}")
+            raise ValueError(f"rtol must be at least {1.005 * best:.3g} for near = {near:g} and far = {far:g} seconds, got {rtol:g}")
         candidates = np.flatnonzero(kept & (table.terms == table.terms[kept].min()))
         chosen = candidates[np.argmin(table.error[candidates])]
         part = slice(table.offset[chosen], table.offset[chosen + 1])

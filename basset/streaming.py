@@ -307,7 +307,8 @@ class Plan:
         delta : array_like, number or shape of one sample
             f after minus f before.
         age : float, seconds
-            The jump lies this long before the newest node: 0 is at the node, other values need not be whole steps.
+            The jump lies this long before the newest node: 0 is at the node, other values need not be whole steps. Jumps
+            with g within one step are given in the order of time.
         g : array_like, shape of one sample, or None
             The rate after the jump, at the newest node; None if the rate is continuous. With g the smooth stretch ends at
             the jump: older samples keep their polynomial up to it (extended for age > 0, where the rate after the jump is
@@ -411,8 +412,10 @@ class Plan:
             s = lag + (1.0 - lag) * x_w[0]
             stencil = lagrange(np.arange(degree + 1.0), s - 1.0)[0]
             pieces.append((s, (1.0 - lag) * x_w[1] * (old[:, : degree + 1] @ stencil.T)))
+        again = n == 0 and node > 1  # a second jump in this step: so far the first one's rate was taken to last up to the node
+        rate = g - state.samples[:, 0] if again else g
         if lag > 0.0:
-            pieces.append((lag * x_w[0], lag * x_w[1] * g[:, None]))
+            pieces.append((lag * x_w[0], lag * x_w[1] * rate[:, None]))
         if panels > 0:
             k = np.arange(panels)
             first = np.clip(k - degree // 2, 0, min(last, old.shape[1] - 1) - degree)
@@ -442,10 +445,12 @@ class Plan:
         if lag > 0.0:  # H at the newest node, without a straddling polynomial
             w = self._unit.rule(0.0, lag)[1]
             s = lag * x_w[0]
-            value = g * (w.sum() - lag * x_w[1] @ self._sum(s))
+            value = rate * (w.sum() - lag * x_w[1] @ self._sum(s))
             for s, piece in (*pieces[:-1], everything[-1]):
                 value = value + piece @ self._excess(s)
-            value = root * value + state.future[:, (node - 1) % self._ring] + state.terms.sum(axis=1)
+            newest = (node - 1) % self._ring
+            state.future[:, newest] += root * value  # kept for a further jump in this step
+            value = state.future[:, newest] + state.terms.sum(axis=1)
             state.history[...] = value.reshape(state.history.shape)
         self._add_future(state, root * future)
         state.samples[:, :] = 0.0

@@ -68,10 +68,10 @@ def test_direct_sums_keep_their_order_for_a_varying_slip(order: int, slip_at: st
         plan = Daitche(degree).plan(7.3 / n, 7.3, kernel(slip_at))
         return plan.run(plan.start(), np.cos(t), 0.05 * (1.0 + 0.5 * np.sin(2.0 * t)))
 
-    truth = path(7, 512)
+    truth = path(7, 1024)
     errors = []
-    for n in (128, 256):
-        difference = path(order, n) - truth[:: 512 // n]
+    for n in (256, 512):
+        difference = path(order, n) - truth[:: 1024 // n]
         errors.append(np.abs(difference[n // 2 :]).max())
     assert np.log2(errors[0] / errors[1]) >= order + 1.0 - 0.25
 
