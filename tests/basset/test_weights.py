@@ -50,7 +50,7 @@ class TestAgainstMpmath:
     def test_around_the_switch_every_one(self, order, input):
         assert error(4000, range(FAR - 2 * order - 2, FAR + 2 * order + 3), order, input=input) <= limit(order)
 
-    @pytest.mark.parametrize("n", [41, 200, FAR - 1, FAR + 5, 700, 10**6])
+    @pytest.mark.parametrize("n", [41, FAR + 5, 10**6])
     def test_oldest_every_one(self, order, input, n):
         assert error(n, range(n - 2 * order - 2, n + 1), order, input=input) <= limit(order)
 
@@ -59,11 +59,11 @@ class TestAgainstMpmath:
             assert error(n, range(n + 1), order, input=input) <= limit(order), n
 
     def test_far_out(self, order, input):
-        lags = 10.0 ** np.random.default_rng(order).uniform(np.log10(200.0), 6.0, 30)
+        lags = 10.0 ** np.random.default_rng(order).uniform(np.log10(200.0), 6.0, 12)
         assert error(10**6 + 100, np.unique(lags.astype(int)), order, input=input) <= limit(order)
 
 
-@pytest.mark.parametrize("order", [1, 4, 8, 10])
+@pytest.mark.parametrize("order", [4, 10])
 def test_ten_million_weights_in_less_than_a_gigabyte(order):
     TABLES.clear()
     n = 10**7
@@ -72,7 +72,7 @@ def test_ten_million_weights_in_less_than_a_gigabyte(order):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 1e9
-    lags = np.unique((10.0 ** np.random.default_rng(order).uniform(3.0, 7.0, 25)).astype(int))
+    lags = np.unique((10.0 ** np.random.default_rng(order).uniform(3.0, 7.0, 12)).astype(int))
     indices = tuple(int(j) for j in [*lags[lags < n - 30], *range(n - 2 * order - 2, n + 1)])
     for j, exact in zip(indices, exact_weights(n, indices, order, BASSET, "rate", 30), strict=True):
         assert float(abs(weights[j] - exact)) <= limit(order) * max(abs(float(exact)), j**-0.5)
@@ -84,30 +84,30 @@ def steep(steepness: float, make) -> basset.MeiAdrianKernel:
     return make(0.75 * (2.0 * steepness / np.sqrt(np.pi)) ** (1.0 / 3.0), 1e-3, 1.0)
 
 
-@pytest.mark.parametrize("steepness", [1e-6, 1e-2, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("steepness", [1e-6, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize("make", [basset.MeiAdrianKernel, basset.MeiAdrianKernel.dorgan_loth], ids=["mei_adrian", "dorgan_loth"])
 class TestFiniteReynolds:
     @pytest.mark.parametrize("input", INPUTS)
     def test_newest(self, make, steepness, input):
-        assert error(40, [0, 1, 2], 2, steep(steepness, make), input, digits=20) <= limit(2)
+        assert error(40, [0, 1, 2], 2, steep(steepness, make), input, digits=18) <= limit(2)
 
     def test_oldest_and_middle(self, make, steepness):
-        assert error(60, [30, 59, 60], 3, steep(steepness, make), "rate", digits=20) <= limit(3)
+        assert error(60, [30, 59, 60], 3, steep(steepness, make), "rate", digits=18) <= limit(3)
 
     def test_start_up_row(self, make, steepness):
-        assert error(3, range(4), 5, steep(steepness, make), "rate", digits=20) <= limit(5)
+        assert error(3, range(4), 5, steep(steepness, make), "rate", digits=18) <= limit(5)
 
 
 @pytest.mark.parametrize("name", ["mei_adrian", "dorgan_loth"])
 @pytest.mark.parametrize("input", INPUTS)
 def test_finite_reynolds_around_the_switch(name, input):
     kernel = KERNELS[name].scaled(1e-3)
-    assert error(2000, [FAR - 1, FAR, FAR + 1], 4, kernel, input, digits=20) <= limit(4)
+    assert error(2000, [FAR - 1, FAR, FAR + 1], 4, kernel, input, digits=18) <= limit(4)
 
 
 @pytest.mark.parametrize("name", ["mei_adrian", "dorgan_loth"])
 def test_finite_reynolds_high_order(name):
-    assert error(17, [0, 17], 8, KERNELS[name].scaled(1e-2), "rate", digits=20) <= limit(8)
+    assert error(17, [0, 17], 8, KERNELS[name].scaled(1e-2), "rate", digits=18) <= limit(8)
 
 
 @pytest.mark.parametrize("input", INPUTS)

@@ -1,0 +1,114 @@
+"""The streams that the tests run over: a new scheme is tested everywhere by adding one line; and exact histories to compare with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import basset
+from basset.streaming import Plan, State
+
+BASSET = basset.BassetKernel()
+DT = 0.03
+WINDOW = 24  # steps, where a scheme has a window
+HORIZON = 160  # steps, longer than any window
+
+Make = Callable[[float, float, basset.Kernel], basset.Rule]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A scheme: its rule for (dt, horizon, kernel), the degree it integrates exactly, and how it treats what is old."""
+
+    make: Make
+    degree: int
+    rtol: float = 0.0  # error of the kernel beyond the window: 0 where it is exact
+    forgets: bool = False  # beyond the window nothing is left
+    kernels: tuple[type, ...] = (basset.BassetKernel, basset.MeiAdrianKernel)
+
+    def plan(self, dt: float = DT, steps: int = HORIZON, kernel: basset.Kernel = BASSET) -> Plan:
+        return self.make(dt, steps * dt, kernel).plan(dt, steps * dt, kernel)
+
+
+def full(rule: basset.Rule, degree: int, **kind) -> Stream:
+    return Stream(lambda dt, horizon, kernel: rule, degree, **kind)
+
+
+def windowed(rule: basset.Rule, degree: int, **kind) -> Stream:
+    return Stream(lambda dt, horizon, kernel: basset.Windowed(rule, WINDOW * dt), degree, forgets=True, **kind)
+
+
+def tailed(rule: basset.Rule, degree: int, rtol: float) -> Stream:
+    def make(dt, horizon, kernel):
+        return basset.Windowed(rule, WINDOW * dt, basset.ExponentialSum.fit(WINDOW * dt, horizon, rtol, kernel))
+
+    return Stream(make, degree, rtol)
+
+
+ONLY_BASSET = {"kernels": (basset.BassetKernel,)}
+STREAMS: dict[str, Stream] = {
+    "euler_maclaurin": full(basset.EulerMaclaurin(), -1),
+    "brush": full(basset.Brush(), -1),
+    "semi_derivative": full(basset.SemiDerivative(), -1, **ONLY_BASSET),
+    "hinsberg": full(basset.Hinsberg(tail=False), 1),
+    **{f"daitche_{p}": full(basset.Daitche(p), p) for p in (1, 2, 3, 4, 5, 6, 10)},
+    "windowed_euler_maclaurin": windowed(basset.EulerMaclaurin(), -1),
+    "windowed_brush": windowed(basset.Brush(), -1),
+    "windowed_semi_derivative": windowed(basset.SemiDerivative(), -1, **ONLY_BASSET),
+    "windowed_hinsberg": windowed(basset.Hinsberg(tail=False)._remembered, 1),
+    **{f"windowed_daitche_{p}": windowed(basset.Daitche(p), p) for p in (1, 2, 3, 4, 5, 6, 10)},
+    "hinsberg_published": Stream(lambda dt, horizon, kernel: basset.Hinsberg(WINDOW * dt), 1, 2e-2, **ONLY_BASSET),
+    "hinsberg_fitted": Stream(lambda dt, horizon, kernel: basset.Hinsberg(WINDOW * dt, basset.ExponentialSum.fit(WINDOW * dt, horizon, 1e-9, kernel)), 1, 1e-9),
+    **{f"tailed_daitche_{p}": tailed(basset.Daitche(p), p, 1e-12) for p in (1, 2, 3, 4, 5, 6, 10)},
+    "tailed_daitche_3_rough": tailed(basset.Daitche(3), 3, 1e-3),
+    **{f"exponential_{p}": full(basset.Exponential(p, 1e-12), p, rtol=1e-12) for p in (1, 2, 3, 4, 5, 6, 10)},
+    "exponential_3_rough": full(basset.Exponential(3, 1e-3), 3, rtol=1e-3),
+}
+
+
+def chosen(names: Iterable[str]) -> pytest.MarkDecorator:
+    names = list(names)
+    return pytest.mark.parametrize("stream", [STREAMS[name] for name in names], ids=names)
+
+
+every_stream = chosen(STREAMS)
+polynomial_streams = chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
+baselines = chosen(name for name, stream in STREAMS.items() if stream.degree < 1)
+tailed_streams = chosen(name for name, stream in STREAMS.items() if stream.rtol)
+
+
+def history(t: float, pieces: Iterable[tuple[float, float, np.ndarray]], jumps: Iterable[tuple[float, float]] = (), window: float = np.inf) -> float:
+    """Exact H(t) for the standard kernel: rates that are polynomials (coefficients in τ, lowest first) on [a, b], jumps (time, size).
+
+    In σ = √(t − τ) everything is a polynomial, which Gauss–Legendre integrates to rounding. What is older than the window is left out.
+    """
+    x, w = np.polynomial.legendre.leggauss(24)
+    total = 0.0
+    for a, b, coefficients in pieces:
+        low, high = min(b, t), max(a, t - window)
+        if low > high:
+            near, far = np.sqrt(t - low), np.sqrt(t - high)
+            sigma = 0.5 * (near + far) + 0.5 * (far - near) * x
+            total += (far - near) * w @ np.polynomial.polynomial.polyval(t - sigma**2, coefficients)
+    return total + sum(size / np.sqrt(t - time) for time, size in jumps if 0.0 < t - time <= window * (1.0 + 1e-9))
+
+
+def push_all(plan: Plan, state: State, samples: np.ndarray) -> np.ndarray:
+    """H at every node, pushed one by one."""
+    values = []
+    for sample in samples:
+        plan.push(state, sample)
+        values.append(plan.value(state))
+    return np.array(values)
+
+
+def same(first: State, second: State) -> bool:
+    """Bit for bit."""
+    return all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in zip(first, second, strict=True))
+
+
+def copied(state: State) -> State:
+    return State(*(array.copy() for array in state))
