@@ -180,12 +180,14 @@ class TestTheFitKeepsItsPromise:
         assert s(1) == s(np.float32(1.0)) == s(lags)[0, 1]
 
 
+FINITE = {
+    "mei_adrian": lambda slip: basset.MeiAdrianKernel(**(GRAIN | {"slip": slip})),
+    "dorgan_loth": lambda slip: basset.MeiAdrianKernel.dorgan_loth(**(GRAIN | {"slip": slip})),
+}
+
+
 class TestFiniteReynolds:
-    MAKE = {
-        "mei_adrian": lambda slip: basset.MeiAdrianKernel(**(GRAIN | {"slip": slip})),
-        "dorgan_loth": lambda slip: basset.MeiAdrianKernel.dorgan_loth(**(GRAIN | {"slip": slip})),
-    }
-    every_kernel = pytest.mark.parametrize("make", MAKE.values(), ids=MAKE)
+    every_kernel = pytest.mark.parametrize("make", FINITE.values(), ids=FINITE)
 
     @every_kernel
     @pytest.mark.parametrize(("x_near", "x_far"), [(1e-6, 1e-2), (1e-4, 1.0), (1e-3, 1e3), (0.1, 10.0), (1.0, 1e4)])
@@ -225,7 +227,7 @@ class TestFiniteReynolds:
             ExponentialSum.fit(1e-3, 1.0, 1e-6, kernel)
 
     def test_a_range_beyond_the_table(self):
-        kernel = self.MAKE["mei_adrian"](0.1)
+        kernel = FINITE["mei_adrian"](0.1)
         with pytest.raises(ValueError, match=r"near.*far.*MeiAdrianKernel"):
             ExponentialSum.fit(1e-30, 1e30, 1e-3, kernel)
 
@@ -402,12 +404,14 @@ class TestForceOnTheCosine:
         assert errors[1] == pytest.approx(errors[0], rel=0.02)
 
 
+WITH_TAIL = {
+    "windowed": lambda tail: basset.Windowed(basset.Daitche(3), 1.0, tail),
+    "hinsberg": lambda tail: basset.Hinsberg(1.0, tail),
+}
+
+
 class TestATailMustFit:
-    RULES = {
-        "windowed": lambda tail: basset.Windowed(basset.Daitche(3), 1.0, tail),
-        "hinsberg": lambda tail: basset.Hinsberg(1.0, tail),
-    }
-    each_rule = pytest.mark.parametrize("make", RULES.values(), ids=RULES)
+    each_rule = pytest.mark.parametrize("make", WITH_TAIL.values(), ids=WITH_TAIL)
 
     @each_rule
     def test_the_same_kernel(self, make):
