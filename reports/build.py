@@ -17,7 +17,6 @@ from reports import analysis, figures
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 
 HERE = Path(__file__).resolve().parent
-NEAR = 1.3  # times within this factor are not told apart: timings on shared machines scatter
 
 
 def load(folder: Path) -> dict[str, Record]:
@@ -54,12 +53,12 @@ def factor(ratio: float) -> str:
 
 def cheapest(records: Sequence[Record], tolerance: float) -> str:
     """The cheapest rules for a tolerance, as a table cell."""
-    ranked = analysis.ranking(records, tolerance)
-    if not ranked:
+    found = analysis.cheapest(records, tolerance)
+    if not found:
         return f"none up to N = {grouped(max(r['n'] for r in records if r['seconds'] is not None))} in the time allowed"
-    first = ranked[0]
-    ties = [r["scheme"] for r in ranked[1:] if r["seconds"] <= NEAR * first["seconds"]]
-    return f"**{first['scheme']}**, N = {grouped(first['n'])}, {seconds(first['seconds'])}" + (f"; as good: {', '.join(ties)}" if ties else "")
+    first, *others = found
+    also = f"; as good: {', '.join(r['scheme'] for r in others)}" if others else ""
+    return f"**{first['scheme']}**, N = {grouped(first['n'])}, {seconds(first['seconds'])}{also}"
 
 
 def summary(generic: Sequence[Record]) -> str:
@@ -76,9 +75,9 @@ def summary(generic: Sequence[Record]) -> str:
 def opening(data: dict[str, Record], generic: Sequence[Record]) -> str:
     """The three sentences to take away."""
     cached = select(generic, clock=CACHED)
-    best, high = analysis.ranking(cached, 1e-9)[0], analysis.ranking(cached, 1e-6)[0]
+    best, high = analysis.cheapest(cached, 1e-9)[0], analysis.cheapest(cached, 1e-6)[0]
     low = analysis.reaches(select(cached, scheme="Hinsberg"), 1e-6)
-    anew = analysis.ranking(select(generic, clock=COLD), 1e-9)[0]
+    anew = analysis.cheapest(select(generic, clock=COLD), 1e-9)[0]
     built = next(r for r in data["costs"]["building"] if r["scheme"] == "Daitche(8)")
     return fill(
         "opening.md",
@@ -120,7 +119,7 @@ def published_winners(records: Sequence[Record]) -> str:
     """Who is the cheapest by the thesis's clock, for which error."""
     winners: dict[str, list[str]] = {}
     for tolerance in TOLERANCES:
-        ranked = analysis.ranking(select(records, clock=PUBLISHED), tolerance)
+        ranked = analysis.cheapest(select(records, clock=PUBLISHED), tolerance)
         if ranked:
             winners.setdefault(ranked[0]["scheme"], []).append(short(tolerance))
     return "; ".join(f"{name} for {', '.join(found)}" for name, found in winners.items())
@@ -300,7 +299,7 @@ def quadrature(data: dict[str, Record]) -> str:
     return fill(
         "quadrature.md",
         opening=opening(data, generic),
-        near=NEAR,
+        near=analysis.NEAR,
         cheapest=summary(generic),
         **differences(data, generic),
         **semi_derivative(generic),

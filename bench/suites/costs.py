@@ -27,7 +27,7 @@ def cached() -> list[dict[str, Any]]:
     """Seconds of `integrate` with weights in the cache, against numpy.dot of the same length."""
     g, weights = np.cos(np.linspace(0.0, 50.0, CACHED + 1)), np.ones(CACHED + 1)
     contenders: dict[str, Any] = {name: lambda rule=rule: basset.integrate(g, 1e-3, rule) for name, rule in RULES.items()}
-    times = measure.interleaved({"numpy.dot": lambda: np.dot(weights, g), **contenders}, rounds=15, seconds=0.005)
+    times = measure.interleaved({"numpy.dot": lambda: np.dot(weights, g), **contenders}, rounds=100, seconds=0.002)
     return [{"scheme": name, "n": CACHED, "seconds": seconds} for name, seconds in times.items()]
 
 

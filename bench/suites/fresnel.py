@@ -80,7 +80,7 @@ def times(sizes: list[int], patience: float) -> dict[str, dict[tuple[str, int], 
             if time.perf_counter() - start > patience / 2.0:
                 break
     return {
-        "cached": measure.interleaved(cached, rounds=15, seconds=0.0005),
+        "cached": measure.interleaved(cached, rounds=30, seconds=0.0005),
         "cold": measure.interleaved(cold, rounds=15, seconds=0.0),
         "cold, as published": measure.interleaved(built, rounds=6, seconds=0.0003, patience=patience / 4.0),
     }

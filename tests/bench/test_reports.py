@@ -18,9 +18,9 @@ def test_a_rule_has_reached_a_tolerance_only_if_it_stays_there():
     assert analysis.reaches(records, 1e-5) is None
 
 
-def test_the_cheapest_is_ranked_by_time():
-    records = [record(8, 3.0, 1e-3), record(8, 2.0, 1e-3, "Brush"), record(8, 1.0, 1.0, "Euler–Maclaurin")]
-    assert [r["scheme"] for r in analysis.ranking(records, 1e-2)] == ["Brush", "Daitche(2)"]
+def test_the_cheapest_come_with_what_is_as_cheap_fewest_samples_first():
+    records = [record(16, 2.0, 1e-3), record(8, 2.1, 1e-3, "Brush"), record(4, 3.0, 1e-3, "Hinsberg"), record(8, 1.0, 1.0, "Euler–Maclaurin")]
+    assert [r["scheme"] for r in analysis.cheapest(records, 1e-2)] == ["Brush", "Daitche(2)"]
 
 
 def test_small_numbers_are_short():
