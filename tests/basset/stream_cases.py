@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from rule_cases import KERNELS
 
 import basset
 from basset.streaming import Plan, State
@@ -73,6 +74,15 @@ def chosen(names: Iterable[str]) -> pytest.MarkDecorator:
     names = list(names)
     return pytest.mark.parametrize("stream", [STREAMS[name] for name in names], ids=names)
 
+
+def with_kernels(names: Iterable[str], accepted: bool = True) -> pytest.MarkDecorator:
+    """(stream, kernel) for every kernel that the scheme has a form for; or, not accepted, has none for."""
+    pairs = [(name, kernel) for name in names for kernel in KERNELS if isinstance(KERNELS[kernel], STREAMS[name].kernels) == accepted]
+    return pytest.mark.parametrize(("stream", "kernel"), [(STREAMS[a], KERNELS[b]) for a, b in pairs], ids=["-".join(pair) for pair in pairs])
+
+
+ENDLESS = [name for name, stream in STREAMS.items() if stream.forgets or name == "hinsberg_published"]
+BOUNDED = [name for name in STREAMS if name not in ENDLESS]
 
 every_stream = chosen(STREAMS)
 polynomial_streams = chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
