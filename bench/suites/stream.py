@@ -85,15 +85,19 @@ def marching(plan: Any, shape: tuple[int, ...], node: int, steps: int, passes: i
 
 
 def against_steps(full: bool) -> list[dict[str, Any]]:
-    """Nanoseconds of a step after n steps, bytes per grain of three components, and the error over n steps, for every scheme and n."""
+    """Nanoseconds of a step after n steps, bytes per grain of three components, and the error over n steps, for every scheme and n.
+
+    The time is that of further steps in one call, less that of a call for a single step.
+    """
     records = []
-    lengths = [10**3, 10**4, 10**5, LONGEST]
-    for n in sorted({*lengths, SUMMED_TO // 8, SUMMED_TO}):
-        again = max(100, min(n // 10, 10_000))
-        chosen = {name: rule for name, rule in schemes((n + again) * STEP).items() if name != FULL or n <= SUMMED_TO}
+    for n in (10**3, 4096, 10**4, SUMMED_TO, 10**5, LONGEST):
+        again = max(500, min(n // 10, 10_000))
+        few = n in (4096, SUMMED_TO) and not full
+        chosen = {name: rule for name, rule in schemes((n + again) * STEP).items() if (name == FULL and n <= SUMMED_TO) or (name != FULL and not few)}
         plans = {name: rule.plan(STEP, (n + again) * STEP) for name, rule in chosen.items()}
-        calls = {name: marching(plan, (), n, 50 if name == FULL else again) for name, plan in plans.items()}
-        seconds = measure.interleaved(calls, rounds=7, seconds=0.003)
+        block = {name: 50 if name == FULL else again for name in plans}
+        calls = {(name, steps): marching(plan, (), n, steps) for name, plan in plans.items() for steps in (1, block[name])}
+        seconds = measure.interleaved(calls, rounds=15 if full else 7, seconds=0.001)
         truth, g = {}, rates(n + 1)
         for name, plan in plans.items():
             p = degree(plan.rule)
@@ -106,7 +110,7 @@ def against_steps(full: bool) -> list[dict[str, Any]]:
                     "n": n,
                     "order": p,
                     "terms": len(plan.tail_sum) if plan.tail_sum is not None else 0,
-                    "nanoseconds": 1e9 * seconds[name] / (50 if name == FULL else again),
+                    "nanoseconds": 1e9 * (seconds[name, block[name]] - seconds[name, 1]) / (block[name] - 1),
                     "bytes": nbytes(plan.start(COMPONENTS)),
                     "error": error,
                 }
@@ -117,25 +121,25 @@ def against_steps(full: bool) -> list[dict[str, Any]]:
 
 def many_grains(full: bool) -> list[dict[str, Any]]:
     """Nanoseconds per step, grain and component of many grains after a thousand steps, for every scheme."""
-    node, steps = 1000, 1000 if full else 50
+    node, steps = 1000, 1000 if full else 20
     plans = {name: rule.plan(STEP, 2.0 * node * STEP) for name, rule in schemes(2.0 * node * STEP).items()}
     records = []
     for name, plan in plans.items():  # one after the other: a state of the full history weighs hundreds of megabytes
         grains = GRAINS if name != FULL else GRAINS // 10
         block = min(steps, 50)
         call = marching(plan, (grains, COMPONENTS), node, block, steps // block)
-        seconds = measure.interleaved({name: call}, rounds=3, seconds=0.0, patience=3.0)[name]
+        seconds = measure.interleaved({name: call}, rounds=2, seconds=0.0, patience=4.0)[name]
         records.append({"scheme": name, "n": node, "grains": grains, "nanoseconds": 1e9 * seconds / (steps * grains * COMPONENTS)})
     return records
 
 
-def headline() -> dict[str, Any]:
+def headline(full: bool) -> dict[str, Any]:
     """The asked figures in one run: order 3, rtol 1e-6, planned for a million steps."""
     plan = basset.Exponential(3, 1e-6).plan(STEP, LONGEST * STEP)
     g = rates(LONGEST).reshape(10, -1)
     plan.run(plan.start(), g[0])
     tenths = np.full(10, np.inf)
-    for _ in range(7):
+    for _ in range(30 if full else 10):
         state = plan.start()
         for i, part in enumerate(g):
             start = time.perf_counter()
@@ -145,7 +149,7 @@ def headline() -> dict[str, Any]:
     shape, blocks = (GRAINS, COMPONENTS), 10
     block = np.random.default_rng(1).standard_normal((LONGEST // GRAINS, *shape))
     many, steps = [], blocks * len(block)
-    for _ in range(3):
+    for _ in range(5 if full else 2):
         state, start = plan.start(shape), time.perf_counter()
         for _ in range(blocks):
             plan.run(state, block)
@@ -202,17 +206,18 @@ def calls() -> dict[str, float]:
     )
 
 
-def agreement() -> list[dict[str, Any]]:
-    """Streams with a sum of rtol 1e-10 against `cumulate`, a million steps, degrees 1 to 6."""
-    g, records = rates(LONGEST + 1), []
+def agreement(full: bool) -> list[dict[str, Any]]:
+    """Streams with a sum of rtol 1e-10 against `cumulate`, a million steps (a tenth of that unless in full), degrees 1 to 6."""
+    steps = LONGEST if full else LONGEST // 10
+    g, records = rates(steps + 1), []
     for p in range(1, 7):
-        plan = basset.Exponential(p, 1e-10).plan(STEP, LONGEST * STEP)
-        windowed = basset.Windowed(basset.Daitche(p), WINDOW, ExponentialSum.fit(WINDOW, LONGEST * STEP, 1e-10)).plan(STEP, LONGEST * STEP)
+        plan = basset.Exponential(p, 1e-10).plan(STEP, steps * STEP)
+        windowed = basset.Windowed(basset.Daitche(p), WINDOW, ExponentialSum.fit(WINDOW, steps * STEP, 1e-10)).plan(STEP, steps * STEP)
         truth = basset.cumulate(g, STEP, basset.Daitche(p))
         scale = np.abs(truth).max()
         for name, found in (("Exponential", plan), ("Windowed", windowed)):
             difference = np.abs(found.run(found.start(), g) - truth).max() / scale
-            records.append({"scheme": name, "order": p, "n": LONGEST, "terms": len(found.tail_sum), "difference": float(difference)})
+            records.append({"scheme": name, "order": p, "n": steps, "terms": len(found.tail_sum), "difference": float(difference)})
     TABLES.clear()
     return records
 
@@ -235,10 +240,10 @@ def convergence() -> list[dict[str, Any]]:
     return records
 
 
-def second_process() -> dict[str, float]:
+def second_process(full: bool) -> dict[str, float]:
     """Seconds of a fresh process that runs a compiled stream, the compiled code being on disk: in all, and its parts."""
     best = {"total": float("inf")}
-    for _ in range(4):
+    for _ in range(10 if full else 3):
         start = time.perf_counter()
         root = Path(basset.__file__).resolve().parent.parent
         done = subprocess.run([sys.executable, "-c", STARTUP], capture_output=True, text=True, check=True, cwd=root)
@@ -256,11 +261,11 @@ def run(full: bool) -> dict[str, Any]:
         "step": STEP,
         "window": WINDOW,
         "components": COMPONENTS,
-        "headline": headline(),
+        "headline": headline(full),
         "records": against_steps(full),
         "many": many_grains(full),
         "calls": calls(),
-        "agreement": agreement(),
+        "agreement": agreement(full),
         "convergence": convergence(),
-        "second": second_process(),
+        "second": second_process(full),
     }
