@@ -8,13 +8,16 @@ needs a special one. `product_weights` gives exact weights of product integratio
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mpmath
 import numpy as np
+import scipy.optimize
 import scipy.special
 from numpy.typing import ArrayLike
 
+from basset import _responses
 from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
 
 
@@ -158,3 +161,152 @@ def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel 
         if input == "slip" and n in wanted:
             wanted[n] += _value(mpmath.mpf(n), kernel)
         return [+wanted[int(j)] for j in indices]
+
+
+def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, digits: int | None = None) -> Any:
+    """R(t): what a unit slip at t = 0 has become under y' = −λy − c·H[y]; Laplace transform 1/(s + c√π √s + λ).
+
+    λ = `rate` (1/s), c = `coefficient` ≥ 0 (s^(-1/2)); `integrals` = 1, 2 for ∫R (s) and ∫∫R (s²). R falls from 1,
+    at last as c/(2λ²) t^(-3/2). With r the roots of r² + c√π r + λ, R = (r1 E1 − r2 E2)/(r1 − r2), E = e^(r²t) erfc(−r√t);
+    equal roots, λ = 0, c = 0, the smallest and the largest times included, to 1e-14 of max R (of the value, for the integrals).
+    """
+    if integrals not in (0, 1, 2):
+        raise ValueError(f"integrals: {integrals!r} given; 0, 1 or 2 is possible")
+    if digits is not None:
+        return _responses.settled(lambda: _responses.response_digits(t, rate, coefficient, integrals), digits)
+    return _responses.response(t, rate, coefficient, integrals)
+
+
+def relaxing(t: ArrayLike, rate: float, coefficient: float, initial: float = 1.0, digits: int | None = None) -> Any:
+    """y(t) of y' = −λy − c·H[y], y(0) = `initial`, a slip that the history remembers as its first jump: initial·R."""
+    return (initial if digits is None else mpmath.mpmathify(initial)) * response(t, rate, coefficient, 0, digits)
+
+
+def settling(t: ArrayLike, rate: float, coefficient: float, gravity: float = 1.0, digits: int | None = None) -> Any:
+    """Velocity y(t), upward positive, of y' = −g − λy − c·H[y] from rest: −g ∫R; tends to −g/λ. g = `gravity` (m/s², reduced)."""
+    return -(gravity if digits is None else mpmath.mpmathify(gravity)) * response(t, rate, coefficient, 1, digits)
+
+
+def settling_height(t: ArrayLike, rate: float, coefficient: float, gravity: float = 1.0, digits: int | None = None) -> Any:
+    """Height above the start of the same sphere: −g ∫∫R."""
+    return -(gravity if digits is None else mpmath.mpmathify(gravity)) * response(t, rate, coefficient, 2, digits)
+
+
+@dataclass(frozen=True)
+class Bounces:
+    """A bouncing sphere: impact times, jumps of the velocity there, and the exact motion up to `end`, the impact after the last.
+
+    With `digits` times and jumps are mpmath numbers and height(t), velocity(t) take one time.
+    """
+
+    rate: float
+    coefficient: float
+    gravity: float
+    start: float
+    times: Any
+    jumps: Any
+    end: Any
+    digits: int | None = None
+
+    def velocity(self, t: Any) -> Any:
+        """y(t) = −g∫R + Σ Δ_j R(t − t_j); at an impact the velocity after it."""
+        return self._superpose(t, 1)
+
+    def height(self, t: Any) -> Any:
+        """z(t) = z(0) − g∫∫R + Σ Δ_j ∫R(t − t_j); 0 at every impact."""
+        return self._superpose(t, 2)
+
+    def _superpose(self, t: Any, integrals: int) -> Any:
+        initial = self.start if integrals == 2 else 0.0
+        if self.digits is not None:
+            with mpmath.workdps(2 * self.digits + 25):
+                part = _responses.response_digits
+                value = initial - self.gravity * part(t, self.rate, self.coefficient, integrals)
+                for at, jump in zip(self.times, self.jumps, strict=True):
+                    if t >= at:
+                        value += jump * part(t - at, self.rate, self.coefficient, integrals - 1)
+                return value
+        times = np.asarray(t, dtype=np.float64)
+        value = initial - self.gravity * response(times, self.rate, self.coefficient, integrals)
+        for at, jump in zip(self.times, self.jumps, strict=True):
+            since = response(np.maximum(times - at, 0.0), self.rate, self.coefficient, integrals - 1)
+            value = value + np.where(times >= at, jump * since, 0.0)
+        return value[()]
+
+
+def bouncing(
+    rate: float, coefficient: float, gravity: float = 1.0, height: float = 1.0, restitution: float = 0.8, impacts: int = 10, digits: int | None = None
+) -> Bounces:
+    """A sphere dropped from rest at `height` on a plane at 0: y' = −g − λy − c·H[y], z' = y, y⁺ = −e y⁻ at each impact.
+
+    Every jump Δ_j = −(1+e) y⁻ is remembered. Exact through `impacts` impacts; fewer come back (and `end` is the last)
+    once a rebound is slower than 1e-13 of the fastest impact, which double precision cannot tell from rest.
+    With `digits` the times are polished by Newton's method in mpmath (a few impacts: the cost grows quadratically).
+    """
+    if not (rate >= 0.0 and gravity > 0.0 and height > 0.0 and 0.0 <= restitution <= 1.0 and impacts >= 0):
+        given = f"rate {rate}, gravity {gravity}, height {height}, restitution {restitution}, impacts {impacts}"
+        raise ValueError(f"{given}: want ≥ 0, > 0, > 0, between 0 and 1, ≥ 0")
+    times: list[Any] = []
+    jumps: list[Any] = []
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    nodes, weights = (nodes + 1.0) / 2.0, weights / 2.0
+
+    def before(t: Any) -> Any:  # velocity due to everything before the newest impact
+        value = -gravity * response(t, rate, coefficient, 1)
+        for at, jump in zip(times[:-1], jumps[:-1], strict=True):
+            value = value + jump * response(t - at, rate, coefficient)
+        return value
+
+    def above(s: Any) -> Any:  # height a time s after the newest impact, without the cancellation between old flights
+        s = np.asarray(s, dtype=np.float64)
+        if not times:
+            return height - gravity * response(s, rate, coefficient, 2)
+        return s * (before(times[-1] + s[..., None] * nodes) @ weights) + jumps[-1] * response(s, rate, coefficient, 1)
+
+    end, fastest, up = 0.0, 0.0, 0.0
+    for number in range(impacts + 1):
+        guess = np.sqrt(2.0 * height / gravity) if number == 0 else 2.0 * up / gravity
+        low, high = (0.999 * guess if number == 0 else 1e-4 * guess), guess
+        grid = np.geomspace(low, high, 25)
+        while not np.any(below := above(grid) < 0.0):
+            grid = np.geomspace(grid[-1], 8.0 * grid[-1], 25)
+        first = int(np.argmax(below))
+        if first == 0 and number:  # a flight that history ends almost at once
+            grid, first = np.append(grid[:1] * 1e-12, grid), 1
+        left, right = float(grid[max(first - 1, 0)]), float(grid[first])
+        if above(left) <= 0.0 or above(right) >= 0.0:  # rounding: the impact is on a node
+            flight = left if above(left) <= 0.0 else right
+        else:
+            flight = float(scipy.optimize.brentq(above, left, right, xtol=1e-300, rtol=1e-15))
+        end = (times[-1] if times else 0.0) + flight
+        if number == impacts:
+            break
+        times.append(end)
+        jumps.append(0.0)
+        down = float(before(end))
+        jumps[-1] = -(1.0 + restitution) * down
+        fastest, up = max(fastest, -down), -restitution * down
+        if up <= 1e-13 * fastest:
+            break
+    plain = Bounces(rate, coefficient, gravity, height, np.array(times), np.array(jumps), end)
+    return plain if digits is None else _polished(plain, restitution, digits)
+
+
+def _polished(plain: Bounces, restitution: float, digits: int) -> Bounces:
+    """The same bounces in mpmath: Newton's method on the height, impact by impact."""
+    guesses = [*plain.times, plain.end] if len(plain.times) == 0 or plain.end > plain.times[-1] else list(plain.times)
+    times: list[Any] = []
+    jumps: list[Any] = []
+    with mpmath.workdps(2 * digits + 25):
+        for guess in guesses:
+            partial = replace(plain, times=tuple(times), jumps=tuple(jumps), digits=digits)
+            time = mpmath.mpf(float(guess))
+            for _ in range(digits.bit_length() + 4):
+                change = partial.height(time) / partial.velocity(time)
+                time -= change
+                if abs(change) < time * mpmath.mpf(10) ** -(digits + 8):
+                    break
+            if len(times) < len(plain.times):
+                jumps.append(-(1 + mpmath.mpf(restitution)) * partial.velocity(time))
+                times.append(time)
+        return replace(plain, times=tuple(times), jumps=tuple(jumps), end=time, digits=digits)
