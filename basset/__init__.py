@@ -19,6 +19,7 @@ from basset.quadrature import (
     UnknownSchemeError,
     Windowed,
 )
+from basset.solvers import Collocation, FixedStep, RungeKutta4, solve
 
 __version__ = "0.1.0"
 
@@ -26,18 +27,22 @@ __all__ = [
     "SCHEMES",
     "BassetKernel",
     "Brush",
+    "Collocation",
     "Daitche",
     "EulerMaclaurin",
     "Exponential",
     "ExponentialSum",
+    "FixedStep",
     "Hinsberg",
     "Kernel",
     "MeiAdrianKernel",
     "Rule",
+    "RungeKutta4",
     "SemiDerivative",
     "UnknownSchemeError",
     "VaryingSlipKernel",
     "Windowed",
     "cumulate",
     "integrate",
+    "solve",
 ]

@@ -155,6 +155,8 @@ def _with_start(history: Floats, slip: Floats | None) -> Floats:
 
 def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floats | None) -> Floats:
     """H at every node by streaming: for rules whose far memory is a sum of exponentials."""
+    if not np.isfinite(samples).all():
+        _diagnose(samples, 0)
     plan = _plan(rule, dt, max(1, len(samples) - 1), kernel)
     state = plan.start(samples.shape[1:])
     first = plan.run(state, samples[:1])

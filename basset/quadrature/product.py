@@ -75,13 +75,17 @@ def panel_integrals(first: int, last: int, degree: int, kernel: Kernel, input: s
 def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
     """The whole row (n+1,), newest first, panel by panel: for histories of a few steps; the degree the samples allow."""
     degree = min(degree, n)
-    integrals = panel_integrals(0, n, degree, kernel, input)
+    integrals = panel_integrals(0, n if input == "rate" else 1, degree, kernel, input)
+    if input == "slip" and n > 1:  # by parts, away from the singular panel: ∫ dK/ds L_i, and K(1) at its end
+        x, w = gauss_legendre(GAUSS)
+        slopes = kernel._derivatives(np.arange(1.0, n)[:, None] + x) * w
+        integrals = np.concatenate([integrals, np.einsum("kq,oqi->koi", slopes, panel_basis(degree)[0], optimize=True)])
     row = np.zeros(n + 1)
     for k in range(n):
         start = min(max(k - degree // 2, 0), n - degree)
         row[start : start + degree + 1] += integrals[k, k - start]
-    if input == "slip":  # the jump from rest to the first sample
-        row[n] += kernel._values(np.array([float(n)]))[0]
+    if input == "slip":  # the end of the singular panel; for n = 1 the jump from rest to the first sample
+        row[1] += kernel._values(np.array([1.0]))[0]
     return row
 
 

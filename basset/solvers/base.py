@@ -1,0 +1,424 @@
+"""What all methods share: the problem as they see it, events, the answer, and the entry point `solve`."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from basset import _validate
+from basset.evaluate import _converted
+from basset.kernels import BassetKernel, Floats, Kernel
+
+REST = 1e-10  # a flight shorter than this share of the time span counts as rest
+
+MESSAGES = {
+    0: "The solver reached the end of the time span.",
+    1: "A terminal event occurred.",
+    2: "At rest: a flight between two jumps was shorter than 1e-10 of the time span.",
+}
+
+
+class SolverError(Exception):
+    """The integration cannot go on; becomes status −1 and its message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """The solution on [start, start + length] as a function of θ = (t − start)/length."""
+
+    start: float
+    length: float
+    values: Callable[[Floats], Floats]  # θ (k,) -> (k, states)
+
+    @property
+    def end(self) -> float:
+        """The last time."""
+        return self.start + self.length
+
+    def at(self, t: Floats) -> Floats:
+        """States (k, states) at times (k,)."""
+        return self.values(np.clip((t - self.start) / self.length, 0.0, 1.0))
+
+
+class Path:
+    """The solution as a function of time; at a jump its value is the one after it.
+
+    Call it with a time or an array of times in the solved span: states (states,) or (states, times).
+    """
+
+    def __init__(self, pieces: Sequence[Piece], final: Floats) -> None:
+        self._pieces, self._final = list(pieces), final
+        self._starts = np.array([piece.start for piece in pieces])
+        self.t_min = pieces[0].start if pieces else math.nan
+        self.t_max = pieces[-1].end if pieces else math.nan
+
+    def __call__(self, t: ArrayLike) -> Floats:
+        """States (states, *shape of t) at times `t` in seconds; ValueError outside the solved span."""
+        times = _converted("t", t)
+        flat = times.ravel()
+        slack = 1e-12 * (self.t_max - self.t_min)
+        if flat.size and not (flat.min() >= self.t_min - slack and flat.max() <= self.t_max + slack):
+            raise ValueError(f"t must lie in the solved span [{self.t_min:g}, {self.t_max:g}], got {_validate.shown(t)}")
+        result = np.empty((flat.size, len(self._final)))
+        index = np.clip(np.searchsorted(self._starts, flat, side="right") - 1, 0, len(self._pieces) - 1)
+        for k in np.unique(index):
+            chosen = index == k
+            result[chosen] = self._pieces[k].at(flat[chosen])
+        result[flat >= self.t_max] = self._final
+        return result.T.reshape((len(self._final), *times.shape))
+
+
+@dataclass
+class Solution:
+    """What `basset.solve` returns; the fields follow scipy.integrate.solve_ivp.
+
+    Attributes
+    ----------
+    t : ndarray (n_times,)
+        Times, s. Without `t_eval` every step's end; the time of a jump appears twice, before and after.
+    y : ndarray (n_states, n_times)
+    sol : Path or None
+        The solution as a function of time, with `dense_output=True`.
+    t_events, y_events : list of ndarray
+        Times (k,) and states before any jump (k, n_states) of each event.
+    nfev, nsteps : int
+        Evaluations of `fun`; accepted steps.
+    status : int
+        0 end reached, 1 terminal event, 2 at rest, −1 failure.
+    message : str
+        The status in words.
+    success : bool
+        Whether status ≥ 0.
+    """
+
+    t: Floats
+    y: Floats
+    sol: Path | None
+    t_events: list[Floats]
+    y_events: list[Floats]
+    nfev: int
+    nsteps: int
+    status: int
+    message: str
+
+    @property
+    def success(self) -> bool:
+        """Whether the span was solved, or left by an event."""
+        return self.status >= 0
+
+
+@dataclass
+class Event:
+    """One event function with SciPy's attributes and `jump`."""
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    index: int
+    terminal: bool = False
+    direction: float = 0.0
+    jump: Callable[..., Any] | None = None
+    times: list[float] = field(default_factory=list)
+    states: list[Floats] = field(default_factory=list)
+    side: float = 0.0  # sign of the function before the last crossing
+    fresh: bool = False  # has just happened: the function is zero there
+
+    def value(self, t: float, y: Floats) -> float:
+        """The event function, checked."""
+        result = float(self.function(t, y, *self.args))
+        if not math.isfinite(result):
+            raise SolverError(f"event {self.index} gave {result} at t = {t:.6g}")
+        return result
+
+    def crosses(self, before: float, after: float) -> bool:
+        """Whether the change of sign from `before` to `after` counts."""
+        if before == 0.0 or ((before > 0.0) == (after > 0.0) and after != 0.0):
+            return False
+        return self.direction == 0.0 or (self.direction > 0.0) == (before < 0.0)
+
+
+@dataclass
+class Task:
+    """The problem as a method sees it: y' = fun(t, y) − coefficient·H[y] on the components in `memory`."""
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    start: float
+    end: float
+    y0: Floats
+    memory: Any
+    coefficient: Floats
+    kernel: Kernel
+    slip: Floats
+    events: list[Event]
+    max_steps: int
+    nfev: int = 0
+
+    def rate(self, t: float, y: Floats) -> Floats:
+        """fun(t, y), float64 (states,), checked for shape and finiteness."""
+        self.nfev += 1
+        result = np.asarray(self.function(t, y, *self.args), dtype=np.float64)
+        if result.shape != self.y0.shape:
+            raise ValueError(f"fun must return {len(self.y0)} rates, one per state, got shape {result.shape}")
+        if not np.isfinite(result).all():
+            worst = int(np.flatnonzero(~np.isfinite(result))[0])
+            raise SolverError(f"fun gave {result[worst]} in component {worst} at t = {t:.6g}")
+        return result
+
+
+@dataclass
+class Trace:
+    """What a method leaves behind."""
+
+    times: list[float]
+    states: list[Floats]
+    pieces: list[Piece]
+    steps: int = 0
+    status: int = 0
+    message: str = ""
+
+
+class Method(abc.ABC):
+    """A way to integrate an equation with memory; subclasses are frozen dataclasses of parameters."""
+
+    references: ClassVar[tuple[str, ...]]
+
+    @abc.abstractmethod
+    def _integrate(self, task: Task, trace: Trace) -> None:
+        """Advance from task.start to task.end, appending to `trace`; raise SolverError when it cannot go on."""
+
+
+def jumped(task: Task, event: Event, t: float, y: Floats) -> Floats:
+    """The state after the event's jump, checked."""
+    assert event.jump is not None
+    after = np.asarray(event.jump(t, y.copy(), *event.args), dtype=np.float64)
+    if after.shape != y.shape:
+        raise ValueError(f"jump of event {event.index} must return {len(y)} states, got shape {after.shape}")
+    if not np.isfinite(after).all():
+        worst = int(np.flatnonzero(~np.isfinite(after))[0])
+        raise SolverError(f"jump of event {event.index} gave {after[worst]} in component {worst} at t = {t:.6g}")
+    return after
+
+
+def first_crossing(events: Sequence[Event], piece: Piece, grid: Floats) -> tuple[float, list[Event]]:
+    """(θ, events) of the first crossing on a piece that cuts it (jump or terminal); (inf, []) if none does.
+
+    Crossings that do not cut are recorded on the way. `grid` are the θ at which signs are compared.
+    """
+    if not events:
+        return math.inf, []
+    states = piece.values(grid)
+    found: list[tuple[float, Event]] = []
+    for event in events:
+        signs = [event.value(piece.start + piece.length * theta, y) for theta, y in zip(grid, states, strict=True)]
+        first = 1 if event.fresh else 0
+        for k in range(first, len(grid) - 1):
+            if event.crosses(signs[k], signs[k + 1]):
+                found.append((_root(event, piece, grid[k], grid[k + 1], signs[k], signs[k + 1]), event))
+    found.sort(key=lambda entry: entry[0])
+    cut = next((theta for theta, event in found if event.terminal or event.jump is not None), math.inf)
+    together = [event for theta, event in found if theta <= cut * (1.0 + 1e-13) and (event.terminal or event.jump is not None)]
+    for theta, event in found:
+        if theta <= cut and event not in together:
+            event.times.append(piece.start + piece.length * theta)
+            event.states.append(piece.values(np.array([theta]))[0])
+    for event in events:
+        event.fresh = False
+    return cut, together
+
+
+def _root(event: Event, piece: Piece, low: float, high: float, before: float, after: float) -> float:
+    event.side = math.copysign(1.0, before)
+    if after == 0.0:
+        return high
+    return float(brentq(lambda theta: event.value(piece.start + piece.length * theta, piece.values(np.array([theta]))[0]), low, high, xtol=1e-16, rtol=1e-15))
+
+
+def fire(task: Task, trace: Trace, events: Sequence[Event], t: float, y: Floats) -> tuple[Floats, bool, bool]:
+    """Record events at (t, y) and apply their jumps in turn: (state after, whether to stop, whether at rest)."""
+    stop = rest = False
+    after = y
+    for event in events:
+        if event.jump is not None and event.times and t - event.times[-1] < REST * (task.end - task.start):
+            rest = True
+        event.times.append(t)
+        event.states.append(after.copy())
+        if event.jump is not None:
+            after = jumped(task, event, t, after)
+        stop |= event.terminal
+        event.fresh = True
+    return after, stop, rest
+
+
+def solve(
+    fun: Callable[..., Any],
+    t_span: tuple[float, float],
+    y0: ArrayLike,
+    memory: Sequence[int] = (0,),
+    coefficient: ArrayLike = 1.0,
+    kernel: Kernel = BassetKernel(),
+    initial_slip: ArrayLike | None = None,
+    args: tuple[Any, ...] = (),
+    method: Method | None = None,
+    t_eval: ArrayLike | None = None,
+    events: Callable[..., Any] | Sequence[Callable[..., Any]] | None = None,
+    dense_output: bool = False,
+    max_steps: int = 1_000_000,
+) -> Solution:
+    """Solve y' = fun(t, y) − coefficient·H[y], the history acting on the components in `memory`.
+
+    H[y](t) = Σ_j Δ_j K(t − t_j) + ∫ K(t − τ) y'(τ) dτ, the jumps Δ_j being the initial slip and those of events.
+
+    Parameters
+    ----------
+    fun : callable
+        fun(t, y, *args) -> rates (n_states,) without the history.
+    t_span : (float, float), seconds
+        Start and end, rising.
+    y0 : array_like (n_states,)
+        State at the start. The components in `memory` are slips: velocities relative to the fluid.
+    memory : sequence of int
+        Which components remember and feel −coefficient·H of themselves.
+    coefficient : float or array_like (len(memory),), s^(-1/2)
+        0 or greater.
+    kernel : Kernel
+        What is remembered.
+    initial_slip : array_like (len(memory),) or None
+        The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
+    args : tuple
+        Further arguments of fun, events and jumps.
+    method : Method or None
+        Collocation(rtol=1e-6) by default; FixedStep(dt, rule); RungeKutta4(dt, rule).
+    t_eval : array_like or None, seconds
+        Times at which to give the solution; None: the ends of the steps.
+    events : callable or list of callables, or None
+        event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool), `direction` (−1, 0, 1)
+        and `jump`, a function (t, y, *args) -> y after: the state changes there and the change is remembered. A zero at
+        the very start is no event.
+    dense_output : bool
+        Whether to return the solution as a function of time.
+    max_steps : int
+        The integration fails beyond.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    ValueError, TypeError
+        One sentence that names the argument. What goes wrong on the way (NaN from fun, steps too small) is a status.
+
+    Examples
+    --------
+    A sphere that starts with slip 1 and relaxes, against the closed form:
+
+    >>> import numpy as np, basset
+    >>> r = basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, method=basset.Collocation(rtol=1e-8))
+    >>> r.message
+    'The solver reached the end of the time span.'
+    """
+    from basset.solvers.collocation import Collocation
+
+    method = Collocation() if method is None else method
+    if not isinstance(method, Method):
+        raise TypeError(f"method must be a method such as basset.Collocation(rtol=1e-6), got {_validate.shown(method)}")
+    if not callable(fun):
+        raise TypeError(f"fun must be callable as fun(t, y), got {_validate.shown(fun)}")
+    task = _task(fun, t_span, y0, memory, coefficient, kernel, initial_slip, args, events, max_steps)
+    wanted = _wanted(t_eval, task)
+    trace = Trace([task.start], [task.y0.copy()], [])
+    try:
+        method._integrate(task, trace)
+    except SolverError as error:
+        trace.status, trace.message = -1, str(error) + "."
+    path = Path(trace.pieces, trace.states[-1]) if trace.pieces and (dense_output or wanted is not None) else None
+    times, states = np.array(trace.times), np.array(trace.states).T
+    if wanted is not None:
+        times = wanted[wanted <= trace.times[-1]]
+        states = path(times) if path is not None else np.repeat(task.y0[:, None], len(times), axis=1)
+    return Solution(
+        times,
+        states,
+        path if dense_output else None,
+        [np.array(event.times) for event in task.events],
+        [np.array(event.states).reshape(len(event.states), len(task.y0)) for event in task.events],
+        task.nfev,
+        trace.steps,
+        trace.status,
+        trace.message or MESSAGES[trace.status],
+    )
+
+
+def _task(
+    fun: Callable[..., Any],
+    t_span: tuple[float, float],
+    y0: ArrayLike,
+    memory: Sequence[int],
+    coefficient: ArrayLike,
+    kernel: Kernel,
+    initial_slip: ArrayLike | None,
+    args: tuple[Any, ...],
+    events: Any,
+    max_steps: int,
+) -> Task:
+    """The arguments of `solve`, checked."""
+    try:
+        start, end = t_span
+    except (TypeError, ValueError):
+        raise TypeError(f"t_span must be a pair (start, end) in seconds, got {_validate.shown(t_span)}") from None
+    start, end = _validate.number("t_span[0]", start), _validate.number("t_span[1]", end)
+    if end <= start:
+        raise ValueError(f"t_span must rise, got ({start:g}, {end:g})")
+    state = np.atleast_1d(_converted("y0", y0)).astype(np.float64)
+    if state.ndim != 1 or not len(state):
+        raise ValueError(f"y0 must be one-dimensional with at least one state, got shape {np.shape(y0)}")
+    if not np.isfinite(state).all():
+        raise ValueError(f"y0 must be finite, got {_validate.shown(y0)}")
+    if isinstance(memory, (int, np.integer)):
+        memory = [int(memory)]
+    indices = [_validate.integer("memory", index, 0, len(state) - 1) for index in memory]
+    if len(set(indices)) != len(indices):
+        raise ValueError(f"memory must name each component once, got {indices}")
+    strength = np.asarray(_converted("coefficient", coefficient))
+    if strength.ndim and strength.shape != (len(indices),):
+        raise ValueError(f"coefficient must be a number or have one entry per component in memory ({len(indices)}), got shape {strength.shape}")
+    if not (np.isfinite(strength).all() and (strength >= 0.0).all()):
+        raise ValueError(f"coefficient must be finite and 0 or greater (s^(-1/2)), got {_validate.shown(coefficient)}")
+    if not isinstance(kernel, Kernel):
+        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+    slip = state[indices] if initial_slip is None else np.atleast_1d(_converted("initial_slip", initial_slip))
+    if slip.shape != (len(indices),) and slip.size == 1:
+        slip = np.repeat(slip, len(indices))
+    if slip.shape != (len(indices),) or not np.isfinite(slip).all():
+        raise ValueError(f"initial_slip must hold {len(indices)} finite numbers, one per component in memory, got {_validate.shown(initial_slip)}")
+    if not isinstance(args, tuple):
+        raise TypeError(f"args must be a tuple, got {_validate.shown(args)}")
+    functions = [] if events is None else [events] if callable(events) else list(events)
+    listed = []
+    for index, function in enumerate(functions):
+        if not callable(function):
+            raise TypeError(f"events must be callables event(t, y), got {_validate.shown(function)}")
+        jump = getattr(function, "jump", None)
+        if jump is not None and not callable(jump):
+            raise TypeError(f"jump of event {index} must be callable as jump(t, y), got {_validate.shown(jump)}")
+        listed.append(Event(function, args, index, bool(getattr(function, "terminal", False)), float(getattr(function, "direction", 0.0)), jump))
+    return Task(
+        fun, args, start, end, state, np.array(indices, dtype=np.intp), np.broadcast_to(strength, (len(indices),)).astype(np.float64),
+        kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1),
+    )  # fmt: skip
+
+
+def _wanted(t_eval: ArrayLike | None, task: Task) -> Floats | None:
+    if t_eval is None:
+        return None
+    times = _converted("t_eval", t_eval)
+    if times.ndim != 1 or (np.diff(times) < 0.0).any() or (len(times) and not (times[0] >= task.start and times[-1] <= task.end)):
+        raise ValueError(f"t_eval must be rising times within t_span ({task.start:g}, {task.end:g}), got {_validate.shown(t_eval)}")
+    return times
