@@ -198,7 +198,7 @@ def trajectory(records: list[Record], ratios: list[Record]) -> Any:
     _slope(axes, 3e3, 1e-1, 1.5e4, 2, "N$^2$", "right")
     _slope(axes, 8e3, 1.5e-4, 4e4, 1.08, "N log N", "right")
     axes.set(xlabel="steps N", ylabel="time for all nodes, weights cached, one core (s)")
-    axes.set_title("A long path costs one FFT convolution, whatever the order")
+    axes.set_title("A long path costs about one FFT convolution, whatever the order")
     _legend(figure, axes, 3)
     return figure
 
