@@ -90,29 +90,24 @@ baselines = chosen(name for name, stream in STREAMS.items() if stream.degree < 1
 tailed_streams = chosen(name for name, stream in STREAMS.items() if stream.rtol)
 
 
-def history(t: float, pieces: Iterable[tuple[float, float, np.ndarray]], jumps: Iterable[tuple[float, float]] = (), window: float = np.inf) -> float:
-    """Exact H(t) for the standard kernel: rates that are polynomials (coefficients in τ, lowest first) on [a, b], jumps (time, size).
+Rate = np.ndarray | Callable[[np.ndarray], np.ndarray]
+NODES, SHARES = np.polynomial.legendre.leggauss(24)
 
-    In σ = √(t − τ) everything is a polynomial, which Gauss–Legendre integrates to rounding. What is older than the window is left out.
+
+def history(t: float, pieces: Iterable[tuple[float, float, Rate]], jumps: Iterable[tuple[float, float]] = (), window: float = np.inf) -> float:
+    """Exact H(t) for the standard kernel: polynomial rates on [a, b], jumps (time, size). What is older than the window is left out.
+
+    In σ = √(t − τ) everything is a polynomial, which Gauss–Legendre integrates to rounding. Rates are coefficients in τ, lowest
+    first, or functions of τ.
     """
-    x, w = np.polynomial.legendre.leggauss(24)
     total = 0.0
-    for a, b, coefficients in pieces:
+    for a, b, rate in pieces:
         low, high = min(b, t), max(a, t - window)
         if low > high:
             near, far = np.sqrt(t - low), np.sqrt(t - high)
-            sigma = 0.5 * (near + far) + 0.5 * (far - near) * x
-            total += (far - near) * w @ np.polynomial.polynomial.polyval(t - sigma**2, coefficients)
+            times = t - (0.5 * (near + far) + 0.5 * (far - near) * NODES) ** 2
+            total += (far - near) * SHARES @ (rate(times) if callable(rate) else np.polynomial.polynomial.polyval(times, rate))
     return total + sum(size / np.sqrt(t - time) for time, size in jumps if 0.0 < t - time <= window * (1.0 + 1e-9))
-
-
-def push_all(plan: Plan, state: State, samples: np.ndarray) -> np.ndarray:
-    """H at every node, pushed one by one."""
-    values = []
-    for sample in samples:
-        plan.push(state, sample)
-        values.append(plan.value(state))
-    return np.array(values)
 
 
 def same(first: State, second: State) -> bool:
