@@ -1,0 +1,166 @@
+"""One source, two executions: compiled and plain NumPy agree; the compiled one survives on disk until a source file changes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import basset
+from basset._compile import source_digest
+
+PACKAGE = Path(basset.__file__).parent
+
+# every phase of every kind of plan, with jumps of every kind, in samples that any machine draws alike
+PLAY = """
+import numpy as np
+import basset
+
+def rules(dt):
+    tail = basset.ExponentialSum.fit(12 * dt, 200 * dt, 1e-8)
+    yield basset.EulerMaclaurin()
+    yield basset.Brush()
+    for p in (1, 3, 6):
+        yield basset.Daitche(p)
+        yield basset.Windowed(basset.Daitche(p), 12 * dt)
+        yield basset.Windowed(basset.Daitche(p), 12 * dt, tail)
+        yield basset.Exponential(p, 1e-7)
+
+def play():
+    dt, results = 0.05, []
+    g = np.cos(np.arange(120.0 * 2).reshape(120, 2) * 0.7)
+    for rule in rules(dt):
+        plan = rule.plan(dt, 119 * dt)
+        state = plan.start((2,))
+        parts = [plan.run(state, g[:7])]
+        plan.jump(state, [0.5, -1.0], 0.3 * dt)
+        parts.append(plan.run(state, g[7:40]))
+        plan.jump(state, 0.2, 0.0, g[3])
+        parts += [plan.tail(state)[None], np.full((1, 2), plan.local(state))]
+        parts.append(plan.run(state, g[40:75]))
+        plan.jump(state, -0.2, 0.6 * dt, g[5])
+        parts += [plan.value(state)[None], plan.run(state, g[75:])]
+        results.append(np.concatenate(parts))
+    return np.array(results)
+"""
+
+
+def python(code: str, *arguments: str, cwd: Path, **environment: str) -> str:
+    """Run code in a process of its own that imports the package in `cwd`."""
+    variables = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")} | {"PYTHONPATH": str(cwd)} | environment
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *arguments], cwd=cwd, env=variables, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def copied_package(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "basset", ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+class TestTwoExecutions:
+    def test_compiled_and_plain_numpy_agree(self, tmp_path):
+        """Sums may be reordered by the compiler: 1e-13 of the largest |H|."""
+        file = tmp_path / "plain.npy"
+        code = PLAY + "import sys, numba\nassert numba.config.DISABLE_JIT\nnp.save(sys.argv[1], play())"
+        python(code, str(file), cwd=PACKAGE.parent, NUMBA_DISABLE_JIT="1")
+        names: dict = {}
+        exec(PLAY, names)
+        compiled, plain = names["play"](), np.load(file)
+        assert compiled.shape == plain.shape
+        for one, other in zip(compiled, plain, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-13 * np.abs(other).max())
+
+    def test_not_a_number_keeps_its_meaning(self):
+        """Reordering is allowed, assuming that there are no NaN is not: the inner loops pass them on."""
+        from basset import _stream
+
+        weights, rates = np.ones(5), np.array([1.0, 2.0, np.nan, 3.0, 4.0])
+        assert np.isnan(_stream.dot(weights, 0, rates, 0, 5))
+        assert _stream.dot(weights, 0, rates, 0, 2) == 3.0
+        assert np.isinf(_stream.dot(weights, 0, np.array([1.0, np.inf, 2.0, 3.0, 4.0]), 0, 5))
+
+
+STREAM = """
+import numpy as np
+import basset
+from basset import _stream
+plan = basset.Windowed(basset.Daitche(2), 0.5).plan(0.1, 2.0)
+state = plan.start()
+H = plan.run(state, np.ones(8))
+hits = sum(sum(f.stats.cache_hits.values()) for f in (_stream.run,))
+misses = sum(sum(f.stats.cache_misses.values()) for f in (_stream.run,))
+print(H[-1].hex(), hits, misses)
+"""
+
+
+class TestTheCacheOnDisk:
+    def test_hits_until_a_source_file_changes(self, copied_package, tmp_path):
+        """The edited line lies in a callee of the loop that is entered, the case that numba alone misses."""
+        cache = tmp_path / "cache"
+
+        def play() -> tuple[float, int, int]:
+            value, hits, misses = python(STREAM, cwd=copied_package, NUMBA_CACHE_DIR=str(cache), PYTHONDONTWRITEBYTECODE="1").split()
+            return float.fromhex(value), int(hits), int(misses)
+
+        def files() -> dict[Path, int]:
+            return {path: path.stat().st_mtime_ns for path in cache.rglob("*.nb*")}
+
+        first, hits, misses = play()
+        assert (hits, misses) == (0, 1)
+        assert first == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-14)  # f' = 1 over the window
+        written = files()
+        assert written
+
+        again, hits, misses = play()
+        assert again == first
+        assert (hits, misses) == (1, 0)
+        assert files() == written  # nothing was compiled, nothing written
+
+        source = copied_package / "basset" / "_stream.py"
+        text = source.read_text()
+        assert text.count("total += weights[first_weight + i] * samples[first_sample + i]") == 1
+        source.write_text(text.replace("total += weights[first_weight + i]", "total += 3.0 * weights[first_weight + i]"))
+        changed, hits, misses = play()
+        assert changed == pytest.approx(3.0 * first, rel=1e-14)
+        assert (hits, misses) == (0, 1)
+
+    def test_any_edit_of_any_source_file_changes_the_digest(self, copied_package):
+        root = copied_package / "basset"
+        digests = {source_digest(root)}
+        assert digests == {source_digest(PACKAGE)}
+        for path in sorted(root.rglob("*.py")):
+            original = path.read_bytes()
+            path.write_bytes(original + b"#")
+            digests.add(source_digest(root))
+            path.write_bytes(original)
+        (root / "new.py").write_text("")
+        digests.add(source_digest(root))
+        (root / "new.py").rename(root / "renamed.py")
+        digests.add(source_digest(root))
+        assert len(digests) == 3 + len(list(PACKAGE.rglob("*.py")))
+
+
+class TestStartUp:
+    def test_numba_is_imported_by_streams_only(self):
+        code = """
+import sys
+import numpy as np
+import basset
+basset.integrate(np.ones(9), 0.1, basset.Daitche(3))
+basset.cumulate(np.ones(9), 0.1, "daitche")
+basset.ExponentialSum.fit(1.0, 9.0, 1e-3)
+assert "numba" not in sys.modules
+plan = basset.Exponential(3).plan(0.1, 5.0)
+plan.push(plan.start(), 1.0)
+assert "numba" in sys.modules
+"""
+        python(code, cwd=PACKAGE.parent)

@@ -1,0 +1,290 @@
+"""Every case that is known to break history integrals, each by name: weights, rules, sums and streams must stay stable."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from rule_cases import EPS, GRAIN
+from stream_cases import DT, HORIZON, STREAMS, WINDOW, chosen, copied, every_stream, history, same
+
+import basset
+from basset import reference
+from basset.problems import PROBLEMS
+
+orders = pytest.mark.parametrize("order", [1, 2, 3, 4, 6, 10])
+LEAN = ["daitche_3", "windowed_daitche_3", "tailed_daitche_3", "exponential_1", "exponential_3", "exponential_6"]
+
+
+def streamed(rule: basset.Rule, g: np.ndarray, dt: float, slip: float = 0.0, kernel: basset.Kernel = basset.BassetKernel()) -> np.ndarray:
+    plan = rule.plan(dt, (len(g) - 1) * dt, kernel)
+    state = plan.start()
+    first = plan.run(state, g[:1])
+    plan.jump(state, slip)
+    return np.concatenate([first, plan.run(state, g[1:])])
+
+
+# --------------------------------------------------------------------------------------------------------------- weights
+
+
+@pytest.mark.parametrize("order", [1, 3, 6])
+def test_weights_to_ten_million(order):
+    """The published differences of powers have no digit left here; these are good to rounding."""
+    n = 10**7
+    weights = basset.Daitche(order).weights(n, 1.0)
+    assert np.isfinite(weights).all()
+    # a step of the rate: all weights together are ∫K = 2√n, summed pairwise
+    assert weights.sum() == pytest.approx(2.0 * np.sqrt(n), rel=1e-14)
+    indices = [10**4, 10**6, n // 2, n - 2 * order - 2, n - 1, n]
+    for j, exact in zip(indices, reference.product_weights(n, indices, order), strict=True):
+        assert abs(mpmath.mpf(float(weights[j])) / exact - 1) < 16 * EPS, j
+
+
+def test_two_to_the_twenty_steps():
+    """f' = cos to 50π by the whole history in one FFT, and streamed: both at the rounding of 1e6 terms."""
+    n, end = 2**20, 50.0 * np.pi
+    g = np.cos(np.linspace(0.0, end, n + 1))
+    exact = reference.cosine(end)
+    assert abs(basset.integrate(g, end / n, basset.Daitche(4)) - exact) < 1e-14 * 10
+    assert abs(basset.cumulate(g, end / n, basset.Daitche(4))[-1] - exact) < 1e-13 * 10
+    assert abs(streamed(basset.Exponential(4, 1e-12), g, end / n)[-1] - exact) < 1e-12 * 2.0 * np.sqrt(end)
+
+
+def test_a_time_of_ten_thousand_pi():
+    """Five thousand periods: the error at the end is that at the beginning."""
+    problem, n = PROBLEMS["fresnel_long"], 2**20
+    t, dt = problem.grid(n)
+    H = streamed(basset.Exponential(6, 1e-10), problem.rate(t), dt)
+    error = np.abs(H[1:] - problem.exact(t[1:]))
+    promise = 1e-10 * 2.0 * np.sqrt(problem.end)
+    assert error[n // 2 :].max() < promise + 1e-9  # and Daitche(6)'s own error at 200 steps per period
+    assert error[-n // 10 :].max() <= 2.0 * error[n // 10 : n // 5].max()
+
+
+# ------------------------------------------------------------------------------------------------------------ the start
+
+
+@orders
+def test_a_slip_that_does_not_start_from_rest(order):
+    """f(0) ≠ 0: f = cos."""
+    problem = PROBLEMS["sine_with_slip"]
+    t, dt = problem.grid(4000)
+    H = streamed(basset.Exponential(order, 1e-9), problem.rate(t), dt, problem.initial_slip)
+    error = np.abs(H[1:] - problem.exact(t[1:])) / (1.0 + 1.0 / np.sqrt(t[1:]))
+    # start-up in the first `order` steps uses lower degrees: dt^2.5 there, whatever the order
+    assert error.max() < 4.0 * dt ** min(order + 1.0, 2.5) + 1e-8
+    assert error[200:].max() < 1.0 * dt ** min(order + 1.0, 3.5) + 1e-8
+
+
+@every_stream
+def test_a_step(stream):
+    """f = 1 from t = 0 on: H = K, to rounding or to the promise."""
+    plan = stream.plan()
+    state = plan.start()
+    plan.push(state, 0.0)
+    plan.jump(state, 1.0)
+    H, lags = plan.run(state, np.zeros(HORIZON)), np.arange(1.0, HORIZON + 1.0)
+    expected = np.where(lags <= WINDOW, 1.0, 0.0 if stream.forgets else 1.0) / np.sqrt(lags * DT)
+    np.testing.assert_allclose(H, expected, rtol=stream.rtol + 1e-13)
+
+
+@orders
+def test_the_root_of_time(order):
+    """f = √τ: H = π/2; its rate is infinite at the start, so the samples are slips, and every order is limited to h^(3/2)."""
+    t = np.linspace(0.0, 10.0, 4001)
+    H = basset.cumulate(np.sqrt(t), t[1], basset.Daitche(order), input="slip")
+    coarse = basset.cumulate(np.sqrt(t[::4]), t[4], basset.Daitche(order), input="slip")
+    error = np.abs(H - np.pi / 2.0)
+    assert error[1:].max() < 0.5  # the very first nodes
+    assert error[-1] < 2e-4
+    assert np.log2(abs(coarse[-1] - np.pi / 2.0) / error[-1]) / 2.0 > 1.4
+
+
+@every_stream
+def test_the_root_of_time_as_a_stream(stream):
+    """A stream takes rates: an infinite one is refused, one infinite only before the first sample keeps everything finite."""
+    plan = stream.plan()
+    state = plan.start()
+    before = copied(state)
+    with pytest.raises(ValueError, match="g must be finite, got inf"):
+        plan.push(state, np.inf)
+    assert same(state, before)
+    t = DT * np.arange(1, HORIZON + 1)
+    H = plan.run(state, 0.5 / np.sqrt(t))
+    assert np.isfinite(H).all()
+    assert np.abs(H).max() < np.pi
+
+
+# --------------------------------------------------------------------------------------------------------------- jumps
+
+
+@every_stream
+@pytest.mark.parametrize("age", [0.0, 0.5, 1.0], ids=["on_a_node", "between_nodes", "one_step_old"])
+def test_a_jump(stream, age):
+    plan = stream.plan()
+    state = plan.start()
+    plan.run(state, np.zeros(10))
+    plan.jump(state, -2.0, age * DT)
+    lags = age + np.arange(1.0, HORIZON - 8.0)
+    expected = np.where(lags <= WINDOW, 1.0, 0.0 if stream.forgets else 1.0) * -2.0 / np.sqrt(lags * DT)
+    np.testing.assert_allclose(plan.run(state, np.zeros(HORIZON - 9)), expected, rtol=stream.rtol + 1e-13)
+
+
+@every_stream
+def test_two_jumps_closer_than_any_step(stream):
+    plan = stream.plan()
+    apart, together = plan.start(), plan.start()
+    for state, ages in ((apart, (0.5, 0.5 - 1e-12)), (together, (0.5, 0.5))):
+        plan.run(state, np.ones(10))
+        for age in ages:
+            plan.jump(state, 1.0, age * DT)
+    rest = np.ones(60)
+    np.testing.assert_allclose(plan.run(apart, rest), plan.run(together, rest), rtol=1e-11)
+
+
+@chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
+def test_a_zeno_cascade(stream):
+    """Bounces at t_k = 2 − 2^(1−k) in units of some steps, ever closer, each with half the jump and the other acceleration."""
+    span, start = 20 * DT, 3
+    times = start * DT + span * (1.0 - 2.0 ** -np.arange(1.0, 46.0))
+    sizes, rates = 0.5 ** np.arange(45.0), (-1.0) ** np.arange(45)
+    end = start * DT + span
+    plan = stream.plan()
+    state = plan.start()
+    plan.push(state, 1.0)
+    done, H = 0, []
+    nodes = np.arange(1, 90)
+    for n in nodes:
+        after = rates[np.searchsorted(times, n * DT, side="right") - 1] if times[0] <= n * DT < end else (1.0 if n * DT < end else 0.0)
+        plan.push(state, after)
+        while done < len(times) and times[done] <= n * DT:
+            plan.jump(state, sizes[done], min(n * DT - times[done], DT), rates[done])
+            done += 1
+        if n == start + 20:
+            plan.jump(state, 0.0, 0.0, 0.0)  # at rest
+        H.append(plan.value(state))
+    edges = np.array([*times, end])
+    pieces = [(0.0, times[0], np.ones(1))] + [(a, b, np.array([rate])) for a, b, rate in zip(edges[:-1], edges[1:], rates, strict=True)]
+    window = WINDOW * DT if stream.forgets else np.inf
+    for n, value in zip(nodes, H, strict=True):
+        if n == start + 20:
+            continue  # at the node itself K of the last bounces is larger than any digit of their ages
+        exact = history(n * DT, pieces, list(zip(times, sizes, strict=True)), window)
+        if n * DT - times[0] < 1e-12 * DT:
+            continue
+        assert abs(value - exact) <= (1e-11 + stream.rtol) * 30.0, n
+
+
+# --------------------------------------------------------------------------------------------------------------- kernels
+
+
+@chosen(name for name, stream in STREAMS.items() if basset.MeiAdrianKernel in stream.kernels)
+def test_no_slip_in_the_finite_reynolds_kernel(stream):
+    """U = 0: the standard kernel, bit for bit where the same sums are used; U → 0 goes there smoothly."""
+    g = np.cos(np.arange(HORIZON + 1.0))
+    standard = stream.plan().run(stream.plan().start(), g)
+    plan = stream.plan(kernel=basset.MeiAdrianKernel(**(GRAIN | {"slip": 0.0})))
+    np.testing.assert_allclose(plan.run(plan.start(), g), standard, rtol=0.0, atol=1e-13 * np.abs(standard).max())
+
+
+@orders
+def test_almost_no_slip(order):
+    """Re → 0: K differs from s^(-1/2) by c1 (C s^(3/2))^(1/c1): H follows, without a jump in between."""
+    g = np.cos(np.arange(101.0) * 0.1)
+    standard = basset.cumulate(g, 0.1, basset.Daitche(order))
+    for slip in (1e-8, 1e-12, 1e-100, 1e-300):
+        kernel = basset.MeiAdrianKernel(**(GRAIN | {"slip": slip}))
+        change = 2.0 * np.sqrt(kernel.steepness * 10.0**1.5) * 2.0 * np.sqrt(10.0)
+        assert np.abs(basset.cumulate(g, 0.1, basset.Daitche(order), kernel) - standard).max() <= change + 1e-13
+
+
+# --------------------------------------------------------------------------------------------------------------- limits
+
+
+def test_the_horizon_of_a_stream_exceeded():
+    """Refused with a sentence, never silent drift; the state is as before."""
+    for name in ("daitche_3", "tailed_daitche_3", "exponential_3"):
+        plan = STREAMS[name].plan()
+        state = plan.start()
+        plan.run(state, np.ones(HORIZON + 1))
+        before = copied(state)
+        with pytest.raises(ValueError, match="horizon must cover the stream"):
+            plan.push(state, 1.0)
+        assert same(state, before)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@chosen(LEAN)
+def test_not_a_number_and_infinity(stream, bad):
+    plan = stream.plan()
+    state = plan.start((2,))
+    plan.push(state, [1.0, 2.0])
+    before = copied(state)
+    for use in (lambda: plan.push(state, [0.0, bad]), lambda: plan.run(state, [[0.0, 1.0], [bad, 1.0]]), lambda: plan.jump(state, bad)):
+        with pytest.raises(ValueError, match="must be finite, got"):
+            use()
+    assert same(state, before)
+
+
+@chosen(LEAN)
+def test_empty_input(stream):
+    plan = stream.plan()
+    state = plan.start((3,))
+    before = copied(state)
+    assert plan.run(state, np.empty((0, 3))).shape == (0, 3)
+    assert same(state, before)
+    nothing = plan.start((0, 3))
+    assert plan.run(nothing, np.empty((5, 0, 3))).shape == (5, 0, 3)
+    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
+    for use in (basset.integrate, basset.cumulate):
+        with pytest.raises(ValueError, match="g must hold at least"):
+            use(np.empty(0), DT, rule)
+
+
+@chosen(LEAN)
+def test_one_sample(stream):
+    """No time has passed: H is 0, at any start."""
+    plan = stream.plan()
+    state = plan.start()
+    plan.push(state, 7.0)
+    assert plan.value(state) == 0.0
+    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
+    assert basset.cumulate(np.array([7.0]), DT, rule).tolist() == [0.0]
+    with pytest.raises(ValueError, match="at least two samples"):
+        basset.integrate(np.array([7.0]), DT, rule)
+
+
+LAYOUTS = {
+    "float32": lambda g: g.astype(np.float32),
+    "integers": lambda g: g.astype(np.int64),
+    "strided": lambda g: np.repeat(np.repeat(g, 2, axis=0), 3, axis=1)[::2, ::3],
+    "reversed": lambda g: g[::-1].copy()[::-1],
+    "fortran": np.asfortranarray,
+    "lists": lambda g: g.tolist(),
+}
+
+
+@chosen(LEAN)
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_any_input_of_small_whole_numbers_gives_the_same_bits(stream, layout):
+    g = np.random.default_rng(1).integers(-50, 50, (HORIZON + 1, 2)).astype(float)
+    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
+    plan = stream.plan()
+    np.testing.assert_array_equal(plan.run(plan.start((2,)), layout(g)), plan.run(plan.start((2,)), g))
+    np.testing.assert_array_equal(basset.cumulate(layout(g), DT, rule), basset.cumulate(g, DT, rule))
+
+
+@chosen(LEAN)
+def test_read_only_input_and_the_callers_arrays_stay_as_they_are(stream):
+    g = np.random.default_rng(1).standard_normal((HORIZON + 1, 2))
+    delta = np.array([0.5, -0.5])
+    kept, kept_delta = g.copy(), delta.copy()
+    g.flags.writeable = delta.flags.writeable = False
+    plan = stream.plan()
+    state = plan.start((2,))
+    plan.push(state, g[0])
+    plan.jump(state, delta, 0.0, g[0])
+    plan.run(state, g[1:])
+    np.testing.assert_array_equal(g, kept)
+    np.testing.assert_array_equal(delta, kept_delta)
+    assert not any(np.shares_memory(array, g) for array in state)
