@@ -8,13 +8,15 @@ E_{1/2, 1+m/2}: φ_0(z) = e^(z²) erfc(−z), z φ_{m+1} = φ_m − 1/Γ(m/2 + 1
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mpmath
 import numpy as np
 import scipy.special
 
-Rational = Callable[[], tuple[list[Any], list[Any]]]  # numerator and denominator in √s, highest power first, in the current mpmath precision
+# numerator and denominator in √s, highest power first, and the roots of the latter if known; in the current mpmath precision
+Rational = Callable[[], tuple[list[Any], list[Any], list[Any] | None]]
 
 _SERIES = 64  # terms of every power series: 1/Γ(33) = 4e-36
 _FAR = 6.5  # beyond this |z| the asymptotic series has a smallest term e^(−|z|²) below 1e-18
@@ -154,11 +156,39 @@ def settled(compute: Callable[[], Any], digits: int) -> Any:
         return +value
 
 
+def _polynomial(coefficients: list[Any], x: Any) -> Any:
+    value = mpmath.mpf(0)
+    for coefficient in coefficients:
+        value = value * x + coefficient
+    return value
+
+
+def _roots(coefficients: list[Any]) -> list[Any]:
+    """All roots of a polynomial, highest power first, by Aberth's iteration from those in double precision."""
+    slope = [k * a for k, a in zip(range(len(coefficients) - 1, 0, -1), coefficients, strict=False)]
+    start = np.roots(np.array([complex(a) for a in coefficients]))
+    scale = float(np.abs(start).max(initial=0.0)) or 1.0
+    with mpmath.workdps(2 * mpmath.mp.dps):
+        found = [mpmath.mpc(complex(r)) + scale * mpmath.mpc(k + 1, 1) * 1e-9 for k, r in enumerate(start)]
+        for _ in range(40 + mpmath.mp.prec):
+            largest = mpmath.mpf(0)
+            for i, r in enumerate(found):
+                value = _polynomial(coefficients, r)
+                if not value:
+                    continue
+                pull = mpmath.fsum(1 / (r - q) for k, q in enumerate(found) if k != i and q != r)
+                change = 1 / (_polynomial(slope, r) / value - pull)
+                found[i], largest = r - change, max(largest, abs(change))
+            if largest <= scale * mpmath.mpf(10) ** -(0.6 * mpmath.mp.dps):
+                break
+        return found
+
+
 def _fractions(rational: Rational) -> tuple[list[Any], list[Any]]:
     """Poles r and weights w of Σ w e^(r²t) erfc(−r√t) in the current mpmath precision; coinciding poles are moved apart."""
-    above, below = rational()
+    above, below, roots = rational()
     tiny = mpmath.mpf(10) ** (-mpmath.mp.dps // 2)
-    found = mpmath.polyroots(below, maxsteps=2000, extraprec=4 * mpmath.mp.prec)
+    found = roots or _roots(below)
     scale = max(abs(r) for r in found)
     if min([abs(r - q) for i, r in enumerate(found) for q in found[:i]], default=scale) <= scale * tiny:
         found = [r + scale * k * mpmath.mpf(10) ** (-mpmath.mp.dps // 5) for k, r in enumerate(found)]
@@ -167,18 +197,14 @@ def _fractions(rational: Rational) -> tuple[list[Any], list[Any]]:
         slope = below[0]
         for k, q in enumerate(found):
             slope = slope if k == i else slope * (r - q)
-        weights.append(mpmath.polyval(above, r) * r / slope)
+        weights.append(_polynomial(above, r) * r / slope)
     return found, weights
 
 
-def inverse_digits(rational: Rational, t: Any, digits: int) -> Any:
-    """The inverse Laplace transform at one time, to that many digits; complex."""
-
-    def compute() -> Any:
-        root = mpmath.sqrt(mpmath.mpmathify(t))
-        return mpmath.fsum(w * exponential_erfc(r * root) for r, w in zip(*_fractions(rational), strict=True) if w)
-
-    return settled(compute, digits)
+def inverse_digits(rational: Rational, t: Any) -> Any:
+    """The inverse Laplace transform at one time, complex, in the current mpmath precision."""
+    root = mpmath.sqrt(mpmath.mpmathify(t))
+    return mpmath.fsum(w * exponential_erfc(r * root) for r, w in zip(*_fractions(rational), strict=True) if w)
 
 
 def inverse(rational: Rational, t: Any) -> Any:
@@ -192,7 +218,7 @@ def inverse(rational: Rational, t: Any) -> Any:
     root = np.sqrt(flat)
     with mpmath.workdps(40):
         found, weights = _fractions(rational)
-        above, below = rational()
+        above, below, _ = rational()
         scale = max(abs(r) for r in found)
         drop = len(below) - len(above)
         monic = [b / below[0] / scale**k for k, b in enumerate(below)]
@@ -210,5 +236,42 @@ def inverse(rational: Rational, t: Any) -> Any:
     value[~near] = terms.sum(axis=1)
     bad = np.flatnonzero(~near)[np.abs(terms).max(axis=1, initial=0.0) > _CANCELLED * np.abs(value[~near])]
     for i in bad:
-        value[i] = complex(inverse_digits(rational, float(flat[i]), 17))
+        value[i] = complex(settled(partial(inverse_digits, rational, float(flat[i])), 17))
+    return value.reshape(times.shape)[()]
+
+
+def oscillation(rate: Any, coefficient: Any, omega: Any) -> Rational:
+    """1/((s − iω)(s + c√π √s + λ)): e^(iωt) drives a sphere from rest."""
+
+    def rational() -> tuple[list[Any], list[Any], list[Any] | None]:
+        decay, b = mpmath.mpmathify(rate), mpmath.mpmathify(coefficient) * mpmath.sqrt(mpmath.pi)
+        turn = mpmath.mpc(0, mpmath.mpmathify(omega))
+        second = -(b + mpmath.sqrt(b * b - 4 * decay)) / 2
+        roots = [decay / second if second else second, second, mpmath.sqrt(turn), -mpmath.sqrt(turn)]
+        return [mpmath.mpf(1)], [mpmath.mpf(1), b, decay - turn, -turn * b, -turn * decay], roots
+
+    return rational
+
+
+def oscillating(t: Any, rate: float, coefficient: float, omega: float) -> Any:
+    """∫R(t−τ) e^(iωτ) dτ: e^(iωt)/P(√(iω)) and what R and e^(iωt) erfc(√(iωt)) leave, P(q) = q² + c√π q + λ."""
+    times = np.asarray(t, dtype=np.float64)
+    flat = np.atleast_1d(times).ravel()
+    first, second = poles(float(rate), float(coefficient))
+    corner, b = np.sqrt(1j * omega), np.sqrt(np.pi) * coefficient
+    root = np.sqrt(flat)
+    slow, fast = first**2 - 1j * omega, second**2 - 1j * omega
+    with np.errstate(all="ignore"):  # slow or fast may vanish: those times are computed again
+        terms = np.stack(
+            [
+                np.exp(1j * omega * flat) / (1j * omega + b * corner + rate),
+                b / slow / fast * corner * entire(0, -corner * root),
+                b / slow / fast * second * entire(0, second * root),
+                response(flat, rate, coefficient, 0) / slow,
+            ]
+        )
+        value = np.atleast_1d(terms.sum(axis=0))
+        trusted = np.abs(terms).max(axis=0) <= _CANCELLED * np.abs(value)
+    if not np.all(trusted):
+        value[~trusted] = inverse(oscillation(rate, coefficient, omega), flat[~trusted])
     return value.reshape(times.shape)[()]

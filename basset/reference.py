@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -310,3 +311,147 @@ def _polished(plain: Bounces, restitution: float, digits: int) -> Bounces:
                 jumps.append(-(1 + mpmath.mpf(restitution)) * partial.velocity(time))
                 times.append(time)
         return replace(plain, times=tuple(times), jumps=tuple(jumps), end=time, digits=digits)
+
+
+def oscillating_stream(
+    t: ArrayLike, rate: float, coefficient: float, amplitude: float = 1.0, omega: float = 1.0, initial_slip: float = 0.0, digits: int | None = None
+) -> Any:
+    """Slip y(t) of y' = A cos ωt − λy − c·H[y], y(0) = `initial_slip` remembered: initial·R + A ∫R(t−τ) cos ωτ dτ.
+
+    The whole transient. A stream u = u0 sin ωt past a free sphere gives A = (β−1) ω u0, β = 3/(2ρ_s/ρ + 1). At last
+    y = Re A e^(iωt)/(iω + c√π √(iω) + λ).
+    """
+    if digits is not None:
+
+        def compute() -> Any:
+            start, drive, time = mpmath.mpmathify(initial_slip), mpmath.mpmathify(amplitude), mpmath.mpmathify(t)
+            if not time:
+                return start
+            held = _responses.response_digits(time, rate, coefficient, 0)
+            if not omega:
+                return start * held + drive * _responses.response_digits(time, rate, coefficient, 1)
+            driven = _responses.inverse_digits(_responses.oscillation(rate, coefficient, abs(omega)), time)
+            return start * held + drive * mpmath.re(driven)
+
+        return _responses.settled(compute, digits)
+    if not omega:
+        return initial_slip * response(t, rate, coefficient) + amplitude * response(t, rate, coefficient, 1)
+    driven = _responses.oscillating(t, float(rate), float(coefficient), abs(float(omega)))
+    return initial_slip * response(t, rate, coefficient) + amplitude * driven.real
+
+
+class VortexMotion(NamedTuple):
+    """Particle position x + iy and slip (velocity less the fluid's at the particle), complex."""
+
+    position: Any
+    slip: Any
+
+
+def solid_body_vortex(
+    t: ArrayLike,
+    rate: float,
+    coefficient: float,
+    beta: float,
+    omega: float = 1.0,
+    position: complex = 1.0,
+    initial_slip: complex = 0.0,
+    digits: int | None = None,
+) -> VortexMotion:
+    """A particle in the fluid velocity u = iωz, z = x + iy: Maxey–Riley without gravity and Faxén terms, by its transform.
+
+    v' = β Du/Dt − λw − c·H[w] with w = v − u and Du/Dt = −ω²z; as v' = w' + iω(w + iωz),
+
+        z' = w + iωz,   w' = −(λ + iω) w + (1 − β) ω² z − c·H[w],   w(0) = `initial_slip` remembered.
+
+    λ = `rate`, c = `coefficient`, β = 3/(2ρ_s/ρ + 1) (heavy particles β < 1 spiral out). In the numbers of Prasath,
+    Vasan & Govindarajan (2019), R = 1/β and S: λ = 1/(RS), c = √(3/(πS))/R. Source: Candelier, Angilella & Souhar (2004).
+    The four poles are the roots in √s of (s − iω)(s + c√π √s + λ + iω) − (1 − β)ω².
+    """
+    if not omega:
+        number = complex if digits is None else mpmath.mpmathify
+        held, moved = (response(t, rate, coefficient, n, digits) for n in (0, 1))
+        return VortexMotion(number(position) + number(initial_slip) * moved, number(initial_slip) * held)
+
+    def transform(of_slip: bool) -> _responses.Rational:
+        def rational() -> tuple[list[Any], list[Any], list[Any] | None]:
+            decay, b, share = mpmath.mpmathify(rate), mpmath.mpmathify(coefficient) * mpmath.sqrt(mpmath.pi), mpmath.mpmathify(beta)
+            z, w, turn = mpmath.mpmathify(position), mpmath.mpmathify(initial_slip), mpmath.mpc(0, mpmath.mpmathify(omega))
+            below = [mpmath.mpf(1), b, decay, -turn * b, -turn * decay - share * turn**2]
+            return ([w, 0, -turn * w - (1 - share) * turn**2 * z] if of_slip else [z, b * z, (decay + turn) * z + w]), below, None
+
+        return rational
+
+    if digits is not None:
+        values = (mpmath.mpmathify(position), mpmath.mpmathify(initial_slip))
+        if t:
+            values = tuple(_responses.settled(partial(_responses.inverse_digits, transform(which), t), digits) for which in (False, True))
+        return VortexMotion(*values)
+    return VortexMotion(_responses.inverse(transform(False), t), _responses.inverse(transform(True), t))
+
+
+class Oscillator(NamedTuple):
+    """Position and velocity."""
+
+    position: Any
+    velocity: Any
+
+
+def bagley_torvik(
+    t: ArrayLike,
+    inertia: float = 1.0,
+    damping: float = 1.0,
+    stiffness: float = 1.0,
+    force: float = 0.0,
+    ramp: float = 0.0,
+    position: float = 0.0,
+    velocity: float = 0.0,
+    digits: int | None = None,
+) -> Oscillator:
+    """y(t), y'(t) of A y'' + B D^(3/2) y + C y = F + Gt, D^(3/2) Caputo's derivative (Bagley & Torvik 1984).
+
+    As an equation with memory: y' = v, v' = (F + Gt − Cy)/A − c·H[v] with c = B/(A√π), memory=[1] and initial_slip=[0]:
+    Caputo's derivative forgets the initial velocity's own jump. A = `inertia`, B = `damping`, C = `stiffness`,
+    F = `force`, G = `ramp`. With F = C y(0), G = C y'(0) the solution is the line y(0) + y'(0) t: the classical
+    A = B = C = 1, y = 1 + t. Else the poles are the roots in √s of A s² + B s^(3/2) + C.
+    """
+    if not (inertia > 0.0 and damping >= 0.0 and stiffness >= 0.0):
+        raise ValueError(f"inertia {inertia}, damping {damping}, stiffness {stiffness}: want > 0, ≥ 0, ≥ 0")
+    if not stiffness and ramp:
+        raise ValueError("ramp: a growing force needs stiffness > 0")
+
+    def exact(value: Any) -> Any:
+        return mpmath.mpmathify(value)
+
+    def transform(of_velocity: bool) -> _responses.Rational:
+        def rational() -> tuple[list[Any], list[Any], list[Any] | None]:
+            a, b, c = exact(inertia), exact(damping), exact(stiffness)
+            y, v = exact(position) - exact(force) / c, exact(velocity) - exact(ramp) / c
+            if of_velocity:
+                return [a * v, b * v, -c * y], [a, b, mpmath.mpf(0), mpmath.mpf(0), c], None
+            return [a * y, b * y, a * v, b * v], [a, b, mpmath.mpf(0), mpmath.mpf(0), c, mpmath.mpf(0)], None
+
+        return rational
+
+    if digits is not None:
+
+        def moved(of_velocity: bool) -> Any:
+            def compute() -> Any:
+                a, c, time = exact(inertia), exact(stiffness), exact(t)
+                if not time:
+                    return exact(velocity if of_velocity else position)
+                if not stiffness:
+                    free = exact(force) / a * _responses.response_digits(time, 0, exact(damping) / a / mpmath.sqrt(mpmath.pi), 1 if of_velocity else 2)
+                    return free + (exact(velocity) if of_velocity else exact(position) + exact(velocity) * time)
+                steady = exact(ramp) / c if of_velocity else (exact(force) + exact(ramp) * time) / c
+                return steady + mpmath.re(_responses.inverse_digits(transform(of_velocity), time))
+
+            return _responses.settled(compute, digits)
+
+        return Oscillator(moved(False), moved(True))
+    times = np.asarray(t, dtype=np.float64)
+    if not stiffness:
+        drag = damping / inertia / np.sqrt(np.pi)
+        gain = force / inertia
+        return Oscillator(position + velocity * times + gain * response(times, 0.0, drag, 2), velocity + gain * response(times, 0.0, drag, 1))
+    still = (force + ramp * times) / stiffness
+    return Oscillator(still + _responses.inverse(transform(False), times).real, ramp / stiffness + _responses.inverse(transform(True), times).real)

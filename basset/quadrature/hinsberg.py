@@ -12,6 +12,8 @@ from basset.quadrature.base import FullRule, Rule
 from basset.quadrature.product import Daitche
 from basset.quadrature.windowed import checked_tail, whole_steps
 
+_TRAPEZOID = Daitche(1)
+
 
 @dataclass(frozen=True)
 class Hinsberg(Rule):
@@ -68,7 +70,7 @@ class Hinsberg(Rule):
 
     @property
     def _remembered(self) -> FullRule:
-        return Daitche(1)
+        return _TRAPEZOID
 
     def _window_steps(self, dt: float) -> int | None:
         return None if self.window is None else whole_steps(self.window, dt)

@@ -72,14 +72,26 @@ def panel_integrals(first: int, last: int, degree: int, kernel: Kernel, input: s
     return result
 
 
-def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
-    """The whole row (n+1,), newest first, panel by panel: for histories of a few steps; the degree the samples allow."""
-    degree = min(degree, n)
-    integrals = panel_integrals(0, n if input == "rate" else 1, degree, kernel, input)
-    if input == "slip" and n > 1:  # by parts, away from the singular panel: ∫ dK/ds L_i, and K(1) at its end
+@lru_cache(maxsize=64)
+def first_panels(degree: int, kernel: Kernel, input: str) -> Floats:
+    """Integrals over the first 2·degree + 1 panels, (k, o, i), read-only; for slips by parts away from the singular panel.
+
+    ∫ dK/ds L_i then stands for −∫ K dL_i/ds: what is left over is K(1) at the end of the singular panel.
+    """
+    panels = 2 * degree + 1
+    integrals = panel_integrals(0, panels if input == "rate" else 1, degree, kernel, input)
+    if input == "slip":
         x, w = gauss_legendre(GAUSS)
-        slopes = kernel._derivatives(np.arange(1.0, n)[:, None] + x) * w
+        slopes = kernel._derivatives(np.arange(1.0, panels)[:, None] + x) * w
         integrals = np.concatenate([integrals, np.einsum("kq,oqi->koi", slopes, panel_basis(degree)[0], optimize=True)])
+    integrals.flags.writeable = False
+    return integrals
+
+
+def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
+    """The whole row (n+1,), newest first, 1 ≤ n ≤ 2·degree, panel by panel; of the degree the samples allow."""
+    degree = min(degree, n)
+    integrals = first_panels(degree, kernel, input)
     row = np.zeros(n + 1)
     for k in range(n):
         start = min(max(k - degree // 2, 0), n - degree)
@@ -87,6 +99,16 @@ def row_by_panels(n: int, degree: int, kernel: Kernel, input: str) -> Floats:
     if input == "slip":  # the end of the singular panel; for n = 1 the jump from rest to the first sample
         row[1] += kernel._values(np.array([1.0]))[0]
     return row
+
+
+def filtered(values: Floats, coefficients: Floats) -> Floats:
+    """Σ_q coefficients[q]·values[k + q] for every k with all values there; in blocks that NumPy convolves fast."""
+    block, count = 11, len(values) - len(coefficients) + 1
+    result = np.zeros(count)
+    for low in range(0, len(coefficients), block):
+        part = coefficients[low : low + block]
+        result += np.convolve(values[low : low + count + len(part) - 1], part[::-1], mode="valid")
+    return result
 
 
 @lru_cache(maxsize=32)
@@ -210,32 +232,33 @@ class Daitche(FullRule):
             near = self._near(kernel, input)[start : min(stop, FAR)]
             result[: len(near)] = near
         sampled = kernel._values if input == "rate" else kernel._derivatives
-        coefficients = interior_filter(self.order)[::-1]
+        coefficients = interior_filter(self.order)
         half = TAPS // 2
         for low in range(max(start, FAR), stop, CHUNK):
             high = min(low + CHUNK, stop)
             lags = np.arange(low - half, high + half, dtype=np.float64)
-            result[low - start : high - start] = np.convolve(sampled(lags), coefficients, mode="valid")
+            result[low - start : high - start] = filtered(sampled(lags), coefficients)
         return result
 
     def _near(self, kernel: Kernel, input: str) -> Floats:
         """Interior weights 0 … FAR−1 from panel integrals."""
         degree, centre = self.order, self.order // 2
         panels = FAR + centre
-        integrals = panel_integrals(0, panels, degree, kernel, input)
+        x, w = gauss_legendre(GAUSS)
+        basis = panel_basis(degree)[0][centre]
+        first = first_panels(degree, kernel, input)
+        sampled = kernel._values if input == "rate" else kernel._derivatives
+        regular = np.empty((panels - centre, degree + 1))  # from panel `centre` on, no stencil is shifted
+        near = len(first)
+        regular[: near - centre] = first[centre:, centre]
+        regular[near - centre :] = (sampled(np.arange(float(near), panels)[:, None] + x) * w) @ basis
         result = np.zeros(panels + degree + 1)
         for k in range(centre):  # stencils shifted inwards at the newest sample
-            result[: degree + 1] += integrals[k, k]
+            result[: degree + 1] += first[k, k]
         for local in range(degree + 1):
-            result[local : local + panels - centre] += integrals[centre:, centre, local]
-        if input == "slip":  # away from the singular panel integrate dK/ds instead: no difference of near-equal terms
-            x, w = gauss_legendre(GAUSS)
-            slopes = kernel._derivatives(np.arange(1.0, panels)[:, None] + x) * w
-            basis = panel_basis(degree)[0][centre]
-            result[degree + 1 :] = 0.0
-            for local in range(degree + 1):
-                j = np.arange(degree + 1, FAR)
-                result[j] += slopes[j + centre - local - 1] @ basis[:, local]
+            result[local : local + panels - centre] += regular[:, local]
+        if input == "slip":
+            result[1] += kernel._values(np.array([1.0]))[0]
         return result[:FAR]
 
     def _oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
@@ -251,5 +274,4 @@ class Daitche(FullRule):
         taps, coefficients = oldest_filter(self.order)
         sampled = kernel._values if input == "rate" else kernel._derivatives
         values = sampled(np.arange(first + taps[0], last + taps[-1] + 1))
-        weights = (coefficients @ samples).T[:, ::-1]
-        return np.stack([np.convolve(values, column, mode="valid") for column in weights], axis=1)
+        return np.stack([filtered(values, column) for column in (coefficients @ samples).T], axis=1)
