@@ -5,50 +5,16 @@ The prose is in reports/templates; every number in it is computed here.
 
 from __future__ import annotations
 
-import json
 import statistics
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
-from reports import analysis, figures
+from reports import analysis, figures, memory
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
+from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
 
-HERE = Path(__file__).resolve().parent
-
-
-def load(folder: Path) -> dict[str, Record]:
-    """Every suite's JSON by name."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
-
-
-def fill(template: str, **values: Any) -> str:
-    """A template with its fields filled."""
-    return (HERE / "templates" / template).read_text(encoding="utf-8").rstrip().format(**values)
-
-
-def write(path: Path, text: str) -> None:
-    """Write atomically."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(text.rstrip() + "\n", encoding="utf-8")
-    partial.replace(path)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") -> str:
-    """A Markdown table."""
-    return "\n".join(indent + "| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
-
-
-def grouped(number: float) -> str:
-    """A whole number in groups of three."""
-    return f"{number:,.0f}".replace(",", " ")
-
-
-def factor(ratio: float) -> str:
-    """A ratio with two digits."""
-    return f"{ratio:.2g}" if ratio < 100 else grouped(float(f"{ratio:.2g}"))
+SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")  # of the page on quadrature
 
 
 def cheapest(records: Sequence[Record], tolerance: float) -> str:
@@ -219,19 +185,6 @@ def path_numbers(trajectory: Record) -> dict[str, str]:
     }
 
 
-def footer(data: dict[str, Record]) -> str:
-    """Who measured: one line per command and machine."""
-    lines: dict[str, list[str]] = {}
-    for name, content in data.items():
-        found = content["provenance"]
-        lines.setdefault(f"`{found['command']}`, {found['date']}, {found['processor']}, one thread, {found['versions']}", []).append(name)
-    measured = "\n".join(f"* {', '.join(names)}: {line}" for line, names in lines.items())
-    return (
-        f"---\n\nMade by `make report` (`python -m bench`, then `python -m reports.build`; matplotlib {mpl.__version__}) "
-        f"from [data/](data/), measured by:\n\n{measured}"
-    )
-
-
 def remarks(found: Record) -> str:
     """What the peers' own rows show beyond time."""
     parts = []
@@ -285,11 +238,6 @@ def peers(data: dict[str, Record]) -> str:
     )
 
 
-def save(figure: Any, name: str) -> str:
-    """The figure's files, and the Markdown that shows it."""
-    return figures.save(figure, HERE / "figures", name)
-
-
 def quadrature(data: dict[str, Record]) -> str:
     """The page reports/quadrature.md."""
     records, weights, trajectory, kernel = data["fresnel"]["records"], data["weights"], data["trajectory"], data["kernels"]
@@ -319,9 +267,9 @@ def quadrature(data: dict[str, Record]) -> str:
         reynolds=f"{kernel['reynolds']:g}",
         figure_window=save(figures.window(kernel), "window"),
         peers=peers(data),
-        targets=table(["", "asked", "measured", ""], [[row.what, row.asked, row.measured, "met" if row.met else "**missed**"] for row in targets]),
+        targets=asked(targets),
         met=f"{met} of {len(targets)} are met.",
-        footer=footer(data),
+        footer=footer({name: data[name] for name in SUITES if name in data}),
     )
 
 
@@ -334,6 +282,9 @@ def front(data: dict[str, Record]) -> str:
             "* [What accuracy costs in time](quadrature.md): every published way to compute the history integral, its error and its price.",
             opening(data, generic),
             "![error against time](figures/accuracy_time.png)",
+            "* [What the memory of the past costs in time, bytes and digits](memory.md): windows, tails and sums of exponentials, one sample at a time.",
+            memory.opening(data),
+            "![time and bytes against the steps remembered](figures/memory_costs.png)",
             footer(data),
         ]
     )
@@ -343,10 +294,10 @@ def main() -> None:
     """Build every page."""
     data = load(HERE / "data")
     with mpl.rc_context(figures.LOOK):
-        page = quadrature(data)
-    write(HERE / "quadrature.md", page)
-    write(HERE / "README.md", front(data))
-    print("wrote reports/quadrature.md and reports/README.md")
+        pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "README.md": front(data)}
+    for name, text in pages.items():
+        write(HERE / name, text)
+    print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")
 
 
 if __name__ == "__main__":

@@ -87,7 +87,7 @@ def hops_exact(t: Floats, hops: int) -> Floats:
 
 def saltation(full: bool) -> dict[str, Any]:
     """A grain that hops: the slip relaxes in flight and jumps at every impact; jumps through `plan.jump`."""
-    hops, dt = (4 * HOPS if full else HOPS), 1.0 / STEPS
+    hops, dt = HOPS, 1.0 / STEPS
     s = dt * np.arange(STEPS + 1.0)
     flight = np.exp(-s / RELAXATION)
     jump = -RELAXATION * -math.expm1(-1.0 / RELAXATION)

@@ -1,0 +1,70 @@
+"""What every page is made of: templates, tables, figures' files, numbers as people write them, and who measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+from reports import figures
+from reports.analysis import Record, Target
+
+HERE = Path(__file__).resolve().parent
+
+
+def load(folder: Path) -> dict[str, Record]:
+    """Every suite's JSON by name."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
+
+
+def fill(template: str, **values: Any) -> str:
+    """A template with its fields filled."""
+    return (HERE / "templates" / template).read_text(encoding="utf-8").rstrip().format(**values)
+
+
+def write(path: Path, text: str) -> None:
+    """Write atomically."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(text.rstrip() + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") -> str:
+    """A Markdown table."""
+    return "\n".join(indent + "| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def grouped(number: float) -> str:
+    """A whole number in groups of three."""
+    return f"{number:,.0f}".replace(",", " ")
+
+
+def factor(ratio: float) -> str:
+    """A ratio with two digits."""
+    return f"{ratio:.2g}" if ratio < 100 else grouped(float(f"{ratio:.2g}"))
+
+
+def asked(targets: Sequence[Target]) -> str:
+    """What was asked beside what was measured, as a table."""
+    return table(["", "asked", "measured", ""], [[row.what, row.asked, row.measured, "met" if row.met else "**missed**"] for row in targets])
+
+
+def save(figure: Any, name: str) -> str:
+    """The figure's files, and the Markdown that shows it."""
+    return figures.save(figure, HERE / "figures", name)
+
+
+def footer(data: dict[str, Record]) -> str:
+    """Who measured: one line per command and machine."""
+    lines: dict[str, list[str]] = {}
+    for name, content in data.items():
+        found = content["provenance"]
+        lines.setdefault(f"`{found['command']}`, {found['date']}, {found['processor']}, one thread, {found['versions']}", []).append(name)
+    measured = "\n".join(f"* {', '.join(names)}: {line}" for line, names in lines.items())
+    return (
+        f"---\n\nMade by `make report` (`python -m bench`, then `python -m reports.build`; matplotlib {mpl.__version__}) "
+        f"from [data/](data/), measured by:\n\n{measured}"
+    )
