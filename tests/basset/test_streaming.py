@@ -222,7 +222,7 @@ class TestRestart:
             state = plan.start((2,))
             plan.run(state, g[:stop])
             if stop:
-                plan.jump(state, np.array([0.3, -1.0]), age=0.4 * DT)
+                plan.jump(state, np.array([0.3, -1.0]), age=min(0.4, stop - 1.0) * DT)
             loaded = way(state)
             assert same(loaded, state)
             # another plan, as another process would make it
