@@ -264,7 +264,7 @@ def oscillating(t: Any, rate: float, coefficient: float, omega: float) -> Any:
     with np.errstate(all="ignore"):  # slow or fast may vanish: those times are computed again
         terms = np.stack(
             [
-                np.exp(1j * omega * flat) / (1j * omega + b * corner + rate),
+                _rotation(omega, flat) / (1j * omega + b * corner + rate),
                 b / slow / fast * corner * entire(0, -corner * root),
                 b / slow / fast * second * entire(0, second * root),
                 response(flat, rate, coefficient, 0) / slow,
@@ -275,3 +275,15 @@ def oscillating(t: Any, rate: float, coefficient: float, omega: float) -> Any:
     if not np.all(trusted):
         value[~trusted] = inverse(oscillation(rate, coefficient, omega), flat[~trusted])
     return value.reshape(times.shape)[()]
+
+
+def _rotation(omega: float, t: Any) -> Any:
+    """e^(iωt) with the rounding error of the product ωt put back (Dekker's two-product): no phase is lost at long times."""
+    product = omega * t
+
+    def halves(x: Any) -> tuple[Any, Any]:
+        top = x * 134217729.0 - (x * 134217729.0 - x)
+        return top, x - top
+
+    (a, b), (c, d) = halves(np.float64(omega)), halves(t)
+    return np.exp(1j * product) * (1.0 + 1j * (((a * c - product) + a * d + b * c) + b * d))

@@ -77,6 +77,9 @@ class ExponentialSum:
     def __hash__(self) -> int:
         return hash(self._key)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.weights, self.rates, self.near, self.far, self.kernel, self.rtol)  # read-only arrays again
+
     @property
     def _key(self) -> tuple[Any, ...]:
         return (self.weights.tobytes(), self.rates.tobytes(), self.near, self.far, self.kernel)

@@ -367,6 +367,8 @@ def solid_body_vortex(
     Vasan & Govindarajan (2019), R = 1/β and S: λ = 1/(RS), c = √(3/(πS))/R. Source: Candelier, Angilella & Souhar (2004).
     The four poles are the roots in √s of (s − iω)(s + c√π √s + λ + iω) − (1 − β)ω².
     """
+    if not (rate >= 0.0 and coefficient >= 0.0 and beta >= 0.0 and rate + coefficient + beta > 0.0):
+        raise ValueError(f"rate {rate}, coefficient {coefficient}, beta {beta}: want ≥ 0 and not all 0 (then the particle flies straight on)")
     if not omega:
         number = complex if digits is None else mpmath.mpmathify
         held, moved = (response(t, rate, coefficient, n, digits) for n in (0, 1))
@@ -432,26 +434,29 @@ def bagley_torvik(
 
         return rational
 
+    def moved(of_velocity: bool, at: Any) -> Any:
+        a, c, time = exact(inertia), exact(stiffness), exact(at)
+        if not time:
+            return exact(velocity if of_velocity else position)
+        if not stiffness:
+            free = exact(force) / a * _responses.response_digits(time, 0, exact(damping) / a / mpmath.sqrt(mpmath.pi), 1 if of_velocity else 2)
+            return free + (exact(velocity) if of_velocity else exact(position) + exact(velocity) * time)
+        steady = exact(ramp) / c if of_velocity else (exact(force) + exact(ramp) * time) / c
+        return steady + mpmath.re(_responses.inverse_digits(transform(of_velocity), time))
+
     if digits is not None:
-
-        def moved(of_velocity: bool) -> Any:
-            def compute() -> Any:
-                a, c, time = exact(inertia), exact(stiffness), exact(t)
-                if not time:
-                    return exact(velocity if of_velocity else position)
-                if not stiffness:
-                    free = exact(force) / a * _responses.response_digits(time, 0, exact(damping) / a / mpmath.sqrt(mpmath.pi), 1 if of_velocity else 2)
-                    return free + (exact(velocity) if of_velocity else exact(position) + exact(velocity) * time)
-                steady = exact(ramp) / c if of_velocity else (exact(force) + exact(ramp) * time) / c
-                return steady + mpmath.re(_responses.inverse_digits(transform(of_velocity), time))
-
-            return _responses.settled(compute, digits)
-
-        return Oscillator(moved(False), moved(True))
+        return Oscillator(*(_responses.settled(partial(moved, of_velocity, t), digits) for of_velocity in (False, True)))
     times = np.asarray(t, dtype=np.float64)
     if not stiffness:
         drag = damping / inertia / np.sqrt(np.pi)
         gain = force / inertia
         return Oscillator(position + velocity * times + gain * response(times, 0.0, drag, 2), velocity + gain * response(times, 0.0, drag, 1))
-    still = (force + ramp * times) / stiffness
-    return Oscillator(still + _responses.inverse(transform(False), times).real, ramp / stiffness + _responses.inverse(transform(True), times).real)
+    answer = []
+    for of_velocity in (False, True):
+        still = np.broadcast_to(ramp / stiffness if of_velocity else (force + ramp * times) / stiffness, times.shape)
+        value = np.array(still + _responses.inverse(transform(of_velocity), times).real)
+        for i in np.argwhere((200.0 * np.abs(value) < np.abs(still)) & (times > 0.0)):  # near the start, rest and equilibrium cancel
+            at = tuple(i)
+            value[at] = float(_responses.settled(partial(moved, of_velocity, float(times[at])), 17))
+        answer.append(value[()])
+    return Oscillator(*answer)

@@ -318,7 +318,8 @@ class Plan:
         Raises
         ------
         ValueError, TypeError
-            If there is no sample yet, a shape is wrong, a number is not finite, or age is negative or too large.
+            If there is no sample yet, a shape is wrong, a number is not finite, age is negative or reaches back more than
+            one step before the first sample, or exceeds dt where g is given.
         """
         delta = self._sample("delta", np.broadcast_to(np.asarray(delta), state.history.shape) if np.ndim(delta) == 0 else delta, state)
         age = _validate.non_negative("age", age, "seconds")
@@ -330,6 +331,9 @@ class Plan:
             if age > self.dt * (1.0 + 1e-12):
                 raise ValueError(f"age must not exceed the step dt = {self.dt:g} seconds where g is given, got {age:g}")
         lag = age / self.dt
+        oldest = self._oldest_jump(node)
+        if lag > oldest * (1.0 + 1e-12):
+            raise ValueError(f"age must be at most {oldest * self.dt:g} seconds here: the memory begins one step before the first sample, got {age:g}")
         if g is not None and isinstance(self._base, Daitche):
             self._end_stretch(state, min(lag, 1.0), g.ravel())
         elif g is not None and lag == 0.0:
@@ -343,6 +347,12 @@ class Plan:
             excess = float(self._excess(np.array([lag]))[0])
             state.history[...] += (impulse[:, 0] * (excess + float(self._sum(np.array([lag]))[0]))).reshape(state.history.shape)
             state.future[:, (node - 1) % self._ring] += impulse[:, 0] * excess
+
+    def _oldest_jump(self, node: int) -> float:
+        """How many steps before the newest node a jump may lie, so that its lag stays within the tail up to the horizon."""
+        if self.tail_sum is None or self.steps is None:
+            return float(node)
+        return node - 1.0 + min(1.0, max(0.0, self.tail_sum.far / self.dt - self.steps))
 
     def _sample(self, name: str, value: ArrayLike, state: State) -> Floats:
         from basset.evaluate import _converted
@@ -446,8 +456,12 @@ class Plan:
             w = self._unit.rule(0.0, lag)[1]
             s = lag * x_w[0]
             value = rate * (w.sum() - lag * x_w[1] @ self._sum(s))
-            for s, piece in (*pieces[:-1], everything[-1]):
-                value = value + piece @ self._excess(s)
+            if shift and lag < 1.0:  # K may be steep where the finished stretch ends
+                x, w = self._unit.rule(lag, 1.0)
+                near, piece = pieces[0]
+                stencil = lagrange(np.arange(degree + 1.0), lag + (1.0 - lag) * x - 1.0)[0]
+                value = value + old[:, : degree + 1] @ (w @ stencil) - piece @ self._sum(near)
+            value = value + everything[-1][1] @ self._excess(everything[-1][0])
             newest = (node - 1) % self._ring
             state.future[:, newest] += root * value  # kept for a further jump in this step
             value = state.future[:, newest] + state.terms.sum(axis=1)

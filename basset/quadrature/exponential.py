@@ -77,4 +77,4 @@ class Exponential(Rule):
 
     def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
         near = (self.order // 2 + 1) * dt
-        return ExponentialSum.fit(near, max(horizon, 2.0 * near), self.rtol, kernel)
+        return ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), self.rtol, kernel)  # a jump may lie before the first sample

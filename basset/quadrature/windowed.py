@@ -95,6 +95,10 @@ class Windowed(Rule):
         """Those of the rule inside; rates only with a tail."""
         return self.rule.inputs if self.tail is None else ("rate",)
 
+    def _accept(self, kernel: Kernel, input: str) -> None:
+        super()._accept(kernel, input)
+        self.rule._accept(kernel, input)
+
     @property
     def _remembered(self) -> FullRule:
         return self.rule
