@@ -128,6 +128,7 @@ class Event:
     states: list[Floats] = field(default_factory=list)
     side: float = 0.0  # sign of the function before the last crossing
     fresh: bool = False  # has just happened: the function is zero there
+    bounced: bool = False  # its jump did not let the state through
 
     def value(self, t: float, y: Floats) -> float:
         """The event function, checked."""
@@ -207,20 +208,25 @@ def jumped(task: Task, event: Event, t: float, y: Floats) -> Floats:
 
 
 def first_crossing(events: Sequence[Event], piece: Piece, grid: Floats) -> tuple[float, list[Event]]:
-    """(θ, events) of the first crossing on a piece that cuts it (jump or terminal); (inf, []) if none does.
+    """(θ, events) of the first crossing on a piece that cuts it (jump or terminal); (inf, []) if none does, θ = 0 if a jump left no flight.
 
     Crossings that do not cut are recorded on the way. `grid` are the θ at which signs are compared.
     """
     if not events:
         return math.inf, []
-    states = piece.values(grid)
     found: list[tuple[float, Event]] = []
     for event in events:
-        signs = [event.value(piece.start + piece.length * theta, y) for theta, y in zip(grid, states, strict=True)]
+        bounced = event.fresh and event.bounced
+        places = np.concatenate([grid[1] * np.geomspace(1e-9, 0.5, 30), grid[1:]]) if bounced else grid
+        signs = [event.value(piece.start + piece.length * theta, y) for theta, y in zip(places, piece.values(places), strict=True)]
         first = 1 if event.fresh else 0
-        for k in range(first, len(grid) - 1):
+        if bounced:  # from where the flight has begun; without one it rests
+            first = next((k for k, sign in enumerate(signs) if sign * event.side > 0.0), -1)
+            if first < 0:
+                return 0.0, [event]
+        for k in range(first, len(places) - 1):
             if event.crosses(signs[k], signs[k + 1]):
-                found.append((_root(event, piece, grid[k], grid[k + 1], signs[k], signs[k + 1]), event))
+                found.append((_root(event, piece, places[k], places[k + 1], signs[k], signs[k + 1]), event))
     found.sort(key=lambda entry: entry[0])
     cut = next((theta for theta, event in found if event.terminal or event.jump is not None), math.inf)
     together = [event for theta, event in found if theta <= cut * (1.0 + 1e-13) and (event.terminal or event.jump is not None)]

@@ -63,6 +63,9 @@ class Stages:
         self.integral = self.regular.integrals(self.c)  # (stage, node)
         root = np.sqrt(self.c)
         self.slope = self.singular.slopes(root)[:, 1:] / (2.0 * root[:, None])  # d/dθ at the nodes, of y − y_n
+        ends = np.concatenate([[0.0], root])  # between the nodes, where the defect of a singular step is looked at
+        self.between = 0.5 * (ends[1:] + ends[:-1])
+        self.width = np.diff(ends)
 
 
 @lru_cache(maxsize=32)
@@ -78,19 +81,33 @@ def local_history(count: int, kernel: Kernel) -> tuple[Floats, Floats]:
     Regular: ∫_0^c K(c − θ) L_j(θ) dθ. Singular: ∫_0^c K(c − θ) dℓ_j(√θ), split at c/8 from the kernel's singularity.
     """
     stages = stages_of(count)
-    regular, singular = np.empty((count, count)), np.empty((count, count))
-    x, w = gauss_legendre(QUADRATURE)
+    regular = np.empty((count, count))
     for i, c in enumerate(stages.c):
         nodes, weights = kernel.rule(0.0, c)
         regular[i] = weights @ stages.regular.values(c * (1.0 - nodes))
+    return regular, singular_history(stages, kernel, stages.c)
+
+
+def singular_history(stages: Stages, kernel: Kernel, places: Floats) -> Floats:
+    """∫_0^c K(c − θ) dℓ_j(√θ) at c in `places`: (place, node)."""
+    result = np.empty((len(places), stages.singular.degree))
+    x, w = gauss_legendre(QUADRATURE)
+    for i, c in enumerate(places):
         near = c / 8.0
         nodes, weights = kernel.rule(0.0, near)
         sigma = np.sqrt(c - near * nodes)
-        singular[i] = weights @ (stages.singular.slopes(sigma) / (2.0 * sigma[:, None]))[:, 1:]
+        result[i] = weights @ (stages.singular.slopes(sigma) / (2.0 * sigma[:, None]))[:, 1:]
         far = math.sqrt(c - near)
         sigma = far * x
-        singular[i] += (far * w * kernel._values(c - sigma**2)) @ stages.singular.slopes(sigma)[:, 1:]
-    return regular, singular
+        result[i] += (far * w * kernel._values(c - sigma**2)) @ stages.singular.slopes(sigma)[:, 1:]
+    return result
+
+
+@lru_cache(maxsize=512)
+def history_between(count: int, kernel: Kernel) -> Floats:
+    """`singular_history` halfway between the nodes."""
+    stages = stages_of(count)
+    return singular_history(stages, kernel, stages.between**2)
 
 
 class Memory:
@@ -241,6 +258,9 @@ class _March:
                 raise SolverError(f"more than max_steps = {self.task.max_steps} steps at t = {self.t:.6g}")
             piece = self._piece(h, singular, values)
             cut, events = first_crossing(self.task.events, piece, self._grid(singular))
+            if cut == 0.0:
+                self.trace.status, self.trace.message = 2, "At rest: a jump left no flight."
+                return
             self.trace.steps += 1
             theta = min(cut, 1.0)
             self._accept(piece, h, theta, singular, values)
@@ -254,7 +274,8 @@ class _March:
                     flight = self.t - last_jump
                     last_jump = self.t
                     h, singular = min(first, 0.5 * flight), self.remembers
-                    rest |= self._sinks(events)
+                    for event in events:
+                        event.bounced = event.jump is not None and self._speed(event, after) * self._speed(event, before) <= 0.0
                 if stop or rest:
                     self.trace.status = 1 if stop else 2
                     return
@@ -342,17 +363,30 @@ class _March:
     def _error(self, h: float, singular: bool, values: Floats) -> float:
         """Estimated local error over the tolerance, from the decay of the Legendre coefficients."""
         if singular:
-            coefficients = np.abs(self.stages.singular.coefficients[:, 1:] @ values)
-            end = self.y + values[-1]
-        else:
-            coefficients = h * np.abs(self.stages.regular.coefficients @ values)
-            end = self.y + h * self.stages.integral[-1] @ values
+            tolerance = self.atol + self.rtol * np.maximum(np.abs(self.y), np.abs(self.y + values[-1]))
+            return float(np.max(self._defect(h, values) / tolerance))
+        coefficients = h * np.abs(self.stages.regular.coefficients @ values)
+        end = self.y + h * self.stages.integral[-1] @ values
         # parity may hide one coefficient: compare pairs
         newest, older = np.maximum(coefficients[-1], coefficients[-2]), np.max(coefficients[-4:-2], axis=0, initial=1e-300)
         decay = np.sqrt(np.minimum(1.0, newest / older))
         tail = 4.0 * decay * np.maximum(coefficients[-1], decay * coefficients[-2])  # errors add up over steps and flights
         tolerance = self.atol + self.rtol * np.maximum(np.abs(self.y), np.abs(end))
         return float(np.max(tail / tolerance))
+
+    def _defect(self, h: float, values: Floats) -> Floats:
+        """∫ |y' − fun + c·H| over a singular step, from its values halfway between the nodes (in σ), where it is largest."""
+        stages, sigma = self.stages, self.stages.between
+        places = sigma**2
+        states = self.y + stages.singular.values(sigma)[:, 1:] @ values
+        rates = np.array([self.task.rate(self.t + h * place, state) for place, state in zip(places, states, strict=True)])
+        defect = stages.singular.slopes(sigma)[:, 1:] @ values / (2.0 * h * sigma[:, None]) - rates
+        if self.remembers:
+            local = history_between(self.count, self.task.kernel.scaled(h)) @ values[:, self.where] / math.sqrt(h)
+            past = (self.memory.tail.weights * np.exp(-np.outer(places * h, self.memory.tail.rates))) @ self.past
+            fresh = self.task.kernel._values(places * h)[:, None] * self.jump
+            defect[:, self.where] += self.strength * (local + past + fresh)
+        return np.asarray(2.0 * h * (sigma * stages.width) @ np.abs(defect))
 
     def _piece(self, h: float, singular: bool, values: Floats) -> Piece:
         y, stages = self.y, self.stages
@@ -391,8 +425,7 @@ class _March:
         self.trace.times.append(self.t)
         self.trace.states.append(self.y.copy())
 
-    def _sinks(self, events: list[Event]) -> bool:
-        """Whether a contact's jump leaves no flight at all: the state would go on through the surface."""
+    def _speed(self, event: Event, y: Floats) -> float:
+        """How fast the event function changes at the present time in state y."""
         ahead = 1e-3 * REST * self.span
-        state = self.y + ahead * self.task.rate(self.t, self.y)
-        return any(event.jump is not None and event.direction and event.value(self.t + ahead, state) * event.side < 0.0 for event in events)
+        return event.value(self.t + ahead, y + ahead * self.task.rate(self.t, y)) - event.value(self.t, y)
