@@ -253,10 +253,8 @@ def bouncing(
     nodes, weights = (nodes + 1.0) / 2.0, weights / 2.0
 
     def before(t: Any) -> Any:  # velocity due to everything before the newest impact
-        value = -gravity * response(t, rate, coefficient, 1)
-        for at, jump in zip(times[:-1], jumps[:-1], strict=True):
-            value = value + jump * response(t - at, rate, coefficient)
-        return value
+        older = np.asarray(t)[..., None] - np.array(times[:-1])
+        return response(older, rate, coefficient) @ np.array(jumps[:-1]) - gravity * response(t, rate, coefficient, 1)
 
     def above(s: Any) -> Any:  # height a time s after the newest impact, without the cancellation between old flights
         s = np.asarray(s, dtype=np.float64)
