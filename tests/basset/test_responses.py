@@ -51,7 +51,7 @@ def test_response_in_double_and_with_digits(rate, coefficient, integrals):
 
 def test_response_on_random_parameters():
     random = np.random.default_rng(5)
-    for _ in range(60):
+    for _ in range(30):
         rate = 10 ** random.uniform(-4, 4)
         coefficient = 10 ** random.uniform(-3, 3) * math.sqrt(rate)
         near = 4 * rate / math.pi * (1 + random.choice([-1, 1]) * 10 ** random.uniform(-16, -0.5))
@@ -103,7 +103,7 @@ def test_response_takes_scalars_and_shapes_and_names_bad_input():
         reference.response(1.0, 1.0, 0.6, 3)
 
 
-@pytest.mark.parametrize("name", ["usual", "equal roots", "no drag"])
+@pytest.mark.parametrize("name", ["usual", "equal roots"])
 def test_relaxing_satisfies_its_equation(name):
     rate, c = CASES[name]
     t = mpmath.mpf(2)
