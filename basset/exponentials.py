@@ -139,7 +139,7 @@ class ExponentialSum:
         near, far : float, seconds
             0 < near < far, far/near ≤ 1e12.
         rtol : float
-            1e-14 to below 1. Tabulated in half decades, so at most two terms more than the least possible.
+            1e-14 to below 1. Tabulated in quarter decades, so at most one term more than the least possible.
         kernel : Kernel
             The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5.
 

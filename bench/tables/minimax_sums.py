@@ -74,7 +74,7 @@ SMALLEST_NEAR = 1e-12
 SMALLEST_SPAN = 0.1
 LEVELLING = 2e-3
 """Extrema of an accepted sum agree within this fraction."""
-HALF_DECADES = tuple(float(f"{leading}e-{k}") for k in range(1, 15) for leading in ("3.16", "1"))
+QUARTER_DECADES = tuple(float(f"{leading}e-{k}") for k in range(1, 15) for leading in ("5.62", "3.16", "1.78", "1"))
 """Tolerances at which sums are computed; a table may hold fewer."""
 
 
@@ -97,7 +97,7 @@ class Kernel:
 def basset_kernel() -> Kernel:
     """``t**(-1/2)``."""
     half = Extended(0.5)
-    return Kernel("basset", lambda x: -half * x, lambda x: np.full_like(x, -half), (1.0,), 72, HALF_DECADES[1:])
+    return Kernel("basset", lambda x: -half * x, lambda x: np.full_like(x, -half), (1.0,), 72, QUARTER_DECADES[3:])
 
 
 def finite_reynolds_kernel(name: str, exponent: float) -> Kernel:
@@ -622,7 +622,7 @@ def rows_for(kernel: Kernel, far: float, smaller_far: float | None, store: Store
         row: Row = {}
         entries: list[Entry] = []
         wider: Sum | None = None
-        waiting = [rtol for rtol in HALF_DECADES if rtol >= min(kernel.tolerances) and rtol not in served]
+        waiting = [rtol for rtol in QUARTER_DECADES if rtol >= min(kernel.tolerances) and rtol not in served]
         if n == 1:
             row[aim(waiting[0])] = first_sum(kernel, far, aim(waiting[0]))
         missed: list[float] = []
