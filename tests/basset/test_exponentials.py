@@ -390,7 +390,7 @@ class TestForceOnTheCosine:
         tail = fewest(10, window, self.T)
         assert len(tail) <= 10
         fitted = self.error(window, tail)
-        for name in ("van_hinsberg", "I2t"):
+        for name in ("van_hinsberg", "I2t", "I1"):
             assert self.error(window, published(name, window)) >= 10.0 * fitted, name
         assert fitted <= tail.rtol * 2.0 * math.sqrt(self.T)  # rtol·∫K|g|
 
