@@ -324,6 +324,7 @@ def memory(data: dict[str, Record]) -> str:
         stopping=stopping_table(varying),
         finite=finite_table(sums["finite"]),
         refused=refused,
+        load="not known" if stream["load"] is None else f"{stream['load']:.1f} on {stream['cores']} cores",
         targets=asked(rows),
         met=f"{sum(row.met for row in rows)} of {len(rows)} are met.",
         footer=footer({name: data[name] for name in SUITES}),

@@ -57,9 +57,9 @@ def trapezoid(ratio: float, rtol: float) -> ExponentialSum:
 def longest(near: float, far: float, terms: int, kernel: basset.Kernel = basset.BassetKernel()) -> ExponentialSum:
     """The fitted sum with the smallest promised error that has no more than that many terms."""
     best: ExponentialSum | None = None
-    for half_decades in range(1, 29):
+    for quarters in range(1, 57):
         try:
-            found = ExponentialSum.fit(near, far, 10.0 ** (-half_decades / 2.0), kernel)
+            found = ExponentialSum.fit(near, far, 10.0 ** (-quarters / 4.0), kernel)
         except ValueError:
             break
         if len(found) > terms:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -24,6 +25,7 @@ FULL, BARE, PUBLISHED, TAIL = "full history", "window, no tail", "Hinsberg, publ
 HEADLINE = "Exponential(3, 1e-6)"
 LONGEST = 10**6
 SUMMED_TO = 2**15  # longest full history, whose cost per step grows with the steps
+AGAIN = 2000  # further steps that are timed
 DIRECT = 32000  # steps behind the newest at which the direct sum is raced
 GRAINS, COMPONENTS = 10**4, 3
 STARTUP = """
@@ -87,31 +89,34 @@ def marching(plan: Any, shape: tuple[int, ...], node: int, steps: int, passes: i
 def against_steps(full: bool) -> list[dict[str, Any]]:
     """Nanoseconds of a step after n steps, bytes per grain of three components, and the error over n steps, for every scheme and n.
 
-    The time is that of further steps in one call, less that of a call for a single step.
+    The time is that of further steps in one call, less that of a call for a single step; all schemes and all n take turns.
     """
-    records = []
+    plans: dict[tuple[str, int], Any] = {}
     for n in (10**3, 4096, 10**4, SUMMED_TO, 10**5, LONGEST):
-        again = max(500, min(n // 10, 10_000))
-        few = n in (4096, SUMMED_TO) and not full
-        chosen = {name: rule for name, rule in schemes((n + again) * STEP).items() if (name == FULL and n <= SUMMED_TO) or (name != FULL and not few)}
-        plans = {name: rule.plan(STEP, (n + again) * STEP) for name, rule in chosen.items()}
-        block = {name: 50 if name == FULL else again for name in plans}
-        calls = {(name, steps): marching(plan, (), n, steps) for name, plan in plans.items() for steps in (1, block[name])}
-        seconds = measure.interleaved(calls, rounds=15 if full else 7, seconds=0.001)
-        truth, g = {}, rates(n + 1)
-        for name, plan in plans.items():
+        horizon = (n + AGAIN) * STEP
+        for name, rule in schemes(horizon).items():
+            if n <= SUMMED_TO if name == FULL else full or n not in (4096, SUMMED_TO):
+                plans[name, n] = rule.plan(STEP, horizon)
+    block = {key: 50 if key[0] == FULL else AGAIN for key in plans}
+    calls = {(key, steps): marching(plan, (), key[1], steps) for key, plan in plans.items() for steps in (1, block[key])}
+    seconds = measure.interleaved(calls, rounds=30 if full else 7, seconds=0.0005)
+    records = []
+    for n in sorted({n for _, n in plans}):
+        g, truth, needed = rates(n + 1), {}, schemes(n * STEP)
+        for name, plan in ((name, plan) for (name, length), plan in plans.items() if length == n):
             p = degree(plan.rule)
             if p not in truth:
                 truth[p] = basset.cumulate(g, STEP, basset.Daitche(p))
             error = None if name == FULL else float(np.abs(plan.run(plan.start(), g) - truth[p]).max() / np.abs(truth[p]).max())
+            several, one = seconds[(name, n), block[name, n]], seconds[(name, n), 1]
             records.append(
                 {
                     "scheme": name,
                     "n": n,
                     "order": p,
                     "terms": len(plan.tail_sum) if plan.tail_sum is not None else 0,
-                    "nanoseconds": 1e9 * (seconds[name, block[name]] - seconds[name, 1]) / (block[name] - 1),
-                    "bytes": nbytes(plan.start(COMPONENTS)),
+                    "nanoseconds": 1e9 * (several - one) / (block[name, n] - 1),
+                    "bytes": nbytes(needed[name].plan(STEP, n * STEP).start(COMPONENTS)),
                     "error": error,
                 }
             )
@@ -257,7 +262,7 @@ def second_process(full: bool) -> dict[str, float]:
 def run(full: bool) -> dict[str, Any]:
     """Times, bytes and errors of every scheme against the number of steps, and the figures that were asked."""
     basset.Exponential(1).plan(1.0, 10.0).run(basset.Exponential(1).plan(1.0, 10.0).start(), np.ones(3))  # compiled, or read from disk
-    return {
+    results: dict[str, Any] = {
         "step": STEP,
         "window": WINDOW,
         "components": COMPONENTS,
@@ -269,3 +274,5 @@ def run(full: bool) -> dict[str, Any]:
         "convergence": convergence(),
         "second": second_process(full),
     }
+    results["load"] = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # of the last minute: what else ran on the machine
+    return {**results, "cores": os.cpu_count()}

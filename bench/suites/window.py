@@ -17,7 +17,7 @@ from basset.problems import PROBLEMS
 NAME = "window"
 Contenders = dict[tuple[str, int, float], tuple[basset.Rule, Callable[[], Floats]]]  # (scheme, order, share) -> (rule, H at every node)
 SHARES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.163, 0.3, 0.5, 0.8)  # window over the length of the run
-HOPPING = (0.01, 0.05, 0.1, 0.163, 0.3, 0.5)  # the same where there are jumps
+HOPPING = (0.01, 0.05, 0.1, 0.3, 0.5)  # the same where there are jumps
 ORDERS = (1, 2, 3)
 PROMISE = 1e-6  # of the fitted tails
 HOPS, STEPS, RELAXATION = 40, 200, 0.3  # hops of length 1, steps in each, time in which the slip's rate fades
@@ -65,7 +65,7 @@ def cosine(full: bool) -> dict[str, Any]:
         plan = rule.plan(dt, problem.end)
         return lambda: plan.run(plan.start(), g)
 
-    return {"end": problem.end, "n": n, "records": measured(truth, contenders(n, dt, play, SHARES, ORDERS), 5 if full else 3)}
+    return {"end": problem.end, "n": n, "records": measured(truth, contenders(n, dt, play, SHARES, ORDERS), 7)}
 
 
 def hops_exact(t: Floats, hops: int) -> Floats:
@@ -108,7 +108,7 @@ def saltation(full: bool) -> dict[str, Any]:
 
         return hop
 
-    chosen, rounds = contenders(hops * STEPS, dt, play, HOPPING, ORDERS if full else ORDERS[-1:]), 3 if full else 1
+    chosen, rounds = contenders(hops * STEPS, dt, play, HOPPING if full else HOPPING[::2], ORDERS if full else ORDERS[-1:]), 3 if full else 1
     records = measured(truth, chosen, rounds)
     without = measure.interleaved({key: play(rule, jumps=False) for key, (rule, _) in chosen.items()}, rounds=rounds, seconds=0.0)
     for record, seconds in zip(records, without.values(), strict=True):
