@@ -44,7 +44,13 @@ def all_orders(data: Record) -> dict[str, dict[str, float | None]]:
 
 def two(*values: float | None) -> str:
     """Orders side by side."""
-    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
+    return " / ".join("–" if value is None else f"{round(value, 2) + 0.0:.2f}" for value in values)
+
+
+def span(values: list[float | None]) -> str:
+    """The smallest and the largest of orders, once if they are the same."""
+    known = [value for value in values if value is not None]
+    return " to ".join(dict.fromkeys((two(min(known)), two(max(known)))))
 
 
 def order_table(data: Record) -> str:
@@ -188,16 +194,21 @@ def plain_table(data: Record) -> str:
     return table(["rtol", *dict.fromkeys(r["solver"] for r in data["without_history"])], rows)
 
 
+def as_good(records: list[Record], other: Record) -> Record | None:
+    """Our quickest record with no larger error than another, at the end and over the path."""
+    ours = [r for r in records if r["solver"] == OURS and r["error_max"] <= other["error_max"] and r["error_end"] <= other["error_end"]]
+    return min(ours, key=lambda r: r["seconds"]) if ours else None
+
+
 def marge3d_race(data: Record) -> dict[str, Any] | None:
     """Its best accuracy, its time, and ours for the same; None if it was not measured."""
     found = data["marge3d"]
     if found["status"] != "measured":
         return None
     theirs = min((r for r in found["records"] if r["solver"] != OURS), key=lambda r: r["error_max"])
-    ours = [r for r in found["records"] if r["solver"] == OURS and r["error_max"] <= theirs["error_max"] and r["error_end"] <= theirs["error_end"]]
-    if not ours:
+    own = as_good(found["records"], theirs)
+    if own is None:
         return None
-    own = min(ours, key=lambda r: r["seconds"])
     return {"theirs": theirs, "own": own, "ratio": theirs["seconds"] / own["seconds"]}
 
 
@@ -207,16 +218,12 @@ def marge3d(data: Record) -> str:
     result = marge3d_race(data)
     if result is None:
         return f"{head}Not measured here ({found['reason']}): `make report-full` installs and measures it."
-    rows = [
-        [
-            r["solver"],
-            f"{r['size']:g}" if r["solver"] != OURS else f"rtol {short(r['size'])}",
-            seconds(r["seconds"]),
-            short(r["error_end"], 1),
-            short(r["error_max"], 1),
-        ]
-        for r in found["records"]
-    ]
+    rows = []
+    for r in found["records"]:
+        size = f"rtol {short(r['size'])}" if r["solver"] == OURS else f"{r['size']:g}"
+        equal = None if r["solver"] == OURS else as_good(found["records"], r)
+        ours = f"{seconds(equal['seconds'])} ({factor(r['seconds'] / equal['seconds'])} × less)" if equal else "–"
+        rows.append([r["solver"], size, seconds(r["seconds"]), short(r["error_end"], 1), short(r["error_max"], 1), ours])
     theirs, own = result["theirs"], result["own"]
     return fill(
         "solver_marge3d.md",
@@ -234,7 +241,7 @@ def marge3d(data: Record) -> str:
         own_rtol=short(own["size"]),
         ratio_solving=factor((theirs["seconds"] - theirs["building"]) / own["seconds"]),
         figure=save(figures.marge3d(found), "solver_marge3d"),
-        table=table(["solver", "steps", "time", f"error at t = {found['end']:g}", "largest over the path"], rows),
+        table=table(["solver", "steps", "time", f"error at t = {found['end']:g}", "largest over the path", f"{OURS} as good"], rows),
     )
 
 
@@ -304,9 +311,9 @@ def opening(data: dict[str, Record]) -> str:
         best_error=short(best["error_max"]),
         best_time=seconds(best["seconds"]),
         smooth=two(order(found, "smooth", "Daitche(3)")),
-        rates=f"{min(p for p in after if p):.1f} to {max(p for p in after if p):.1f}",
-        slips=f"{min(p for p in slips if p):.1f} to {max(p for p in slips if p):.1f}",
-        hits=f"{max(hits):.1f}",
+        rates=span(after),
+        slips=span(slips),
+        hits=two(max(hits)),
         impacts=found["impacts"],
         race_time=seconds(contest["own"]["seconds"]),
         race_ratio=factor(contest["ratio"]),
@@ -320,7 +327,9 @@ def solver(data: dict[str, Record]) -> str:
     rows = targets(found)
     contest = race(found)
     rise, level, off = linear(found)
-    second = contest["second"]
+    second, longest = contest["second"], found["by_impacts"][-1]
+    longer = [r for r in found["race"]["records"] if r["scheme"] != OURS]
+    bounces = [r for r in select(found["records"], problem="bouncing") if r["scheme"] not in contest["fits"]] + longer
     return fill(
         "solver.md",
         opening=opening(data),
@@ -335,7 +344,7 @@ def solver(data: dict[str, Record]) -> str:
         figure_orders=save(figures.orders(all_orders(found), found["declared"]), "solver_orders"),
         orders=order_table(found),
         figure_convergence=save(figures.convergence(found["records"]), "solver_convergence"),
-        figure_impacts=save(figures.impacts(select(found["records"], problem="bouncing"), contest["fits"], found["race"]["target"]), "solver_impacts"),
+        figure_impacts=save(figures.impacts(bounces, contest["fits"], found["race"]["target"]), "solver_impacts"),
         race=race_table(found),
         target=short(found["race"]["target"]),
         ratio=factor(contest["ratio"]),
@@ -348,6 +357,8 @@ def solver(data: dict[str, Record]) -> str:
         per_impact=seconds(rise),
         off=f"{off:.0%}",
         by_impacts=impacts_table(found),
+        many=longest["n"],
+        many_error=f"{longest['error_max'] / longest['rtol']:.1f}",
         slips=slip_table(found),
         plain=plain_table(found),
         marge3d=marge3d(found),
