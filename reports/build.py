@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import matplotlib as mpl
 
-from reports import analysis, figures, memory
+from reports import analysis, figures, memory, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
 
@@ -285,6 +285,9 @@ def front(data: dict[str, Record]) -> str:
             "* [What the memory of the past costs in time, bytes and digits](memory.md): windows, tails and sums of exponentials, one sample at a time.",
             memory.opening(data),
             "![time and bytes against the steps remembered](figures/memory_costs.png)",
+            "* [What a digit costs, and what a jump does to each scheme's order](solver.md): equations with memory, every scheme and graded collocation.",
+            solver.opening(data),
+            "![measured orders before and after a jump](figures/solver_orders.png)",
             footer(data),
         ]
     )
@@ -294,7 +297,7 @@ def main() -> None:
     """Build every page."""
     data = load(HERE / "data")
     with mpl.rc_context(figures.LOOK):
-        pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "README.md": front(data)}
+        pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data), "README.md": front(data)}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

@@ -133,7 +133,7 @@ def race(data: Record) -> dict[str, Any]:
             continue
         kind = max(p, 1.0)  # events that snap are of first order at best: kinder to the fixed step than a lower measured order
         steps = last["n"] * max(last["error_first"] / data["race"]["target"], 1.0) ** (1.0 / kind)
-        fits[name] = {"order": p, "steps": steps, "seconds": last["seconds"] * steps / last["n"], "error": last["error_first"], "n": last["n"]}
+        fits[name] = {"order": p, "steps": steps, "seconds": steps * min(r["seconds"] / r["n"] for r in found), "error": last["error_first"], "n": last["n"]}
         fits[name] |= {"measured": last["seconds"]}
     best = min(fits, key=lambda name: fits[name]["seconds"])
     second = [r for name in fits for r in select(rows, scheme=name) if r["seconds"] <= 1.5 and r.get("error_first")]

@@ -73,7 +73,7 @@ def convergence(records: list[Record]) -> Any:
         _slope(panels[1], 4.0 * x0, y0 * 4.0**order, x0, order, label)
     for x0, y0, order, label in ((8e-3, 2.5e-1, 0.5, "h$^{1/2}$"), (8e-3, 1.5e-4, 1, "h")):
         _slope(panels[2], 4.0 * x0, y0 * 4.0**order, x0, order, label)
-    figure.suptitle("The same schemes, the same steps: after a jump they all converge at one pace, whatever their order")
+    figure.suptitle("The same schemes, the same steps: after a jump the degree of a scheme no longer counts")
     _legend(figure, panels[0], 6)
     return figure
 
@@ -91,7 +91,7 @@ def orders(found: dict[str, dict[str, float]], declared: dict[str, float]) -> An
             if values.get(kind) is not None:
                 axes.plot(values[kind], row, marker, color=colour, markersize=8, linestyle="none", label=kind if row == 0 else None)
     axes.set_yticks(range(len(names)), list(reversed(names)))
-    axes.set(xlabel="measured exponent of the step h in the largest error over the path", xlim=(0, 4.5))
+    axes.set(xlabel="measured exponent of the step h in the largest error over the path", xlim=(-0.1, 4.5))
     axes.set_title("What a jump does to the order: green before, red and black after")
     _legend(figure, axes, 5)
     return figure
@@ -106,7 +106,7 @@ def impacts(records: list[Record], fits: dict[str, dict[str, float]], target: fl
             _line(axes, select(records, scheme=name), "seconds", "error_first", name, label=name)
     best = min(fits, key=lambda name: fits[name]["seconds"])
     fit = fits[best]
-    start = max(r["seconds"] for r in select(records, scheme=best))
+    start = fit["seconds"] * fit["n"] / fit["steps"]
     at = np.geomspace(start, fit["seconds"], 30)
     axes.loglog(at, target * (at / fit["seconds"]) ** -max(fit["order"], 1.0), ":", color=LOOKS[best][0], linewidth=1.6)
     middle = np.sqrt(start * fit["seconds"])
@@ -116,7 +116,7 @@ def impacts(records: list[Record], fits: dict[str, dict[str, float]], target: fl
     axes.axhline(target, color="#999999", linestyle=":")
     axes.annotate(short(target), (axes.get_xlim()[0], target), xytext=(2, 3), textcoords="offset points", color="#666666", fontsize=9)
     axes.set(xlabel="time of the whole solution, one core (s)", ylabel="largest error of the impact times (s)", ylim=(1e-13, 3))
-    axes.set_title("Bouncing sphere, e = 0.8: collocation finds ten impacts, fixed steps (error of the first three) snap them to the grid")
+    axes.set_title("Bouncing sphere: collocation finds all ten impacts, fixed steps snap the first three to the grid")
     _legend(figure, axes, 3)
     return figure
 
