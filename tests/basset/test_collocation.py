@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -229,7 +230,7 @@ class TestBouncing:
 class TestFiniteReynolds:
     """y(t) − y(0) − ∫fun + c∫K(t − τ) y(τ) dτ = 0: the equation integrated once, by quadratures that know nothing of the solver."""
 
-    KERNELS = {
+    KERNELS: ClassVar = {
         "basset": basset.BassetKernel(),
         **{f"mei_adrian, slip {slip:g}": basset.MeiAdrianKernel(slip, 1e-3, 1e-6) for slip in (1e-3, 1e-2, 0.1)},
         "dorgan_loth": basset.MeiAdrianKernel.dorgan_loth(1e-2, 1e-3, 1e-6),

@@ -147,7 +147,7 @@ class TestJumps:
 
     def test_a_jump_of_another_component_is_not_remembered(self):
         """A kick of the position leaves the slip alone."""
-        push = clock(1.0, lambda t, y: y + [0.0, 5.0])
+        push = clock(1.0, lambda t, y: [y[0], y[1] + 5.0])
         result = basset.solve(lambda t, y: [-y[0], y[0]], (0.0, 4.0), [1.0, 0.0], memory=[0], events=push, **KICKED)
         t, exact = relaxing(1.0, 0.6, 4.0).path
         assert np.abs(result.sol(t)[0] - exact[0]).max() <= 1e-8
