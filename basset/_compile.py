@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -37,3 +38,34 @@ def compiled(factory: Callable[[str], Function], *, reassociate: bool = False) -
     flags = {"reassoc", "contract", "nsz"} if reassociate else False
     function: Any = numba.njit(cache=True, nogil=True, fastmath=flags, error_model="numpy")(factory(DIGEST))
     return cast(Function, function)
+
+
+def is_compiled(function: Any) -> bool:
+    """Whether `function` is a compiled function (numba.njit) that compiled code can call."""
+    return isinstance(function, numba.core.dispatcher.Dispatcher)
+
+
+def shared(function: Function) -> Function:
+    """A function that compiled code inlines and that stays plain Python for everybody else."""
+    result: Function = numba.extending.register_jitable(function)
+    return result
+
+
+def overloads(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator for the form that compiled code uses in place of the plain Python `function`."""
+    return cast(Callable[[Callable[..., Any]], Callable[..., Any]], numba.extending.overload(function))
+
+
+@lru_cache(maxsize=64)
+def rate_function(function: Any, args: tuple[Any, ...], states: int) -> Any:
+    """A compiled fun(t, y, *args) as a C function of (t, y, rates): one type for all, so its callers compile once.
+
+    `args` are frozen into it; they must be hashable.
+    """
+    array = numba.carray  # type: ignore[attr-defined]  # numba exports it without saying so
+
+    def call(t, y, rates):  # type: ignore[no-untyped-def]
+        array(rates, (states,))[:] = function(t, array(y, (states,)), *args)
+
+    pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]  # numba is untyped here
+    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer))(call)

@@ -162,7 +162,10 @@ def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floa
     first = plan.run(state, samples[:1])
     if jump is not None:
         plan.jump(state, jump)
-    return np.concatenate([first, plan.run(state, samples[1:])])
+    history = np.concatenate([first, plan.run(state, samples[1:])])
+    if not np.isfinite(history).all():
+        _diagnose(samples, 0)
+    return history
 
 
 @lru_cache(maxsize=16)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
-from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel
+from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, checked_lags
 
 _SLACK = 1.0 + 1e-9  # rounding of near, far and their ratio
 
@@ -56,8 +56,14 @@ class ExponentialSum:
     rtol: float | None = None
 
     def __post_init__(self) -> None:
-        near, far = _validate.positive("near", self.near, "seconds"), self.far
-        weights, rates = (np.array(values, dtype=np.float64) for values in (self.weights, self.rates))
+        near = _validate.positive("near", self.near, "seconds")
+        far = self.far if self.far == math.inf else _validate.positive("far", self.far, "seconds")
+        if not isinstance(self.kernel, Kernel):
+            raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(self.kernel)}")
+        try:
+            weights, rates = (np.array(values, dtype=np.float64) for values in (self.weights, self.rates))
+        except (TypeError, ValueError):
+            raise TypeError(f"weights and rates must be arrays of real numbers, got {_validate.shown((self.weights, self.rates))}") from None
         if weights.ndim != 1 or weights.shape != rates.shape or not len(weights):
             raise ValueError(f"weights and rates must be one-dimensional and equally long, got shapes {weights.shape} and {rates.shape}")
         if not (np.isfinite(weights).all() and np.isfinite(rates).all() and (weights > 0.0).all() and (rates > 0.0).all()):
@@ -92,8 +98,8 @@ class ExponentialSum:
         return f"ExponentialSum({len(self)} terms on [{self.near:g}, {self.far:g}] s of {self.kernel!r}{promise})"
 
     def __call__(self, s: ArrayLike) -> Any:
-        """The sum at lags `s` (seconds), elementwise; float64 in the shape of `s`."""
-        lags = np.asarray(s, dtype=np.float64)
+        """The sum at lags `s` (seconds, 0 or greater), elementwise; float64 in the shape of `s`. Errors as `Kernel.__call__`."""
+        lags = checked_lags(s)
         result = self._values(lags)
         return result if lags.ndim else float(result)
 
@@ -160,7 +166,7 @@ class ExponentialSum:
             raise ValueError(f"far must be greater than near = {near:g} (seconds), got {far:g}")
         if rtol >= 1.0:
             raise ValueError(f"rtol must be below 1, got {rtol:g}")
-        if isinstance(kernel, MeiAdrianKernel) and kernel.slip > 0.0:
+        if isinstance(kernel, MeiAdrianKernel) and kernel.steepness > 0.0:
             stretch, table = kernel.steepness ** (2.0 / 3.0), _finite_reynolds_table(kernel.c1)
             covers = (table.near <= stretch * near * _SLACK) & (table.far * _SLACK >= stretch * far)
         elif isinstance(kernel, (BassetKernel, MeiAdrianKernel)):

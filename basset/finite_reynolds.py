@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
+from basset._states import owned, steps_to
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, MeiAdrianKernel
 from basset.quadrature.base import FullRule, Rule, WeightTable
@@ -122,7 +123,7 @@ class VaryingPlan:
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
         self.rule, self.kernel = rule, kernel
         self.dt = _validate.positive("dt", dt, "seconds")
-        self.steps = max(1, math.ceil(_validate.positive("horizon", horizon, "seconds") / self.dt * (1.0 - 1e-12)))
+        self.steps = steps_to(_validate.positive("horizon", horizon, "seconds"), self.dt)
 
     def _widths(self) -> tuple[int, int, int]:
         """Lags, memory and clocks kept per component."""
@@ -154,6 +155,8 @@ class VaryingPlan:
         shape = state.history.shape
         if rates.ndim == 0 or rates.shape[1:] != shape:
             raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        lags, memory, clocks = self._widths()
+        owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory, "clocks": clocks})
         node, steps = int(state.counters[0]), len(rates)
         if node + steps > self.steps + 1:
             raise ValueError(
@@ -184,8 +187,8 @@ class VaryingPlan:
 
         self.run(state, _converted("g", g)[None], _converted("slip", slip)[None])
 
-    def value(self, state: VaryingState) -> Any:
-        """H at the newest node; 0 after the first push."""
+    def value(self, state: VaryingState, slip: ArrayLike | None = None) -> Any:
+        """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push."""
         return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: VaryingState, slip: ArrayLike) -> Any:
@@ -201,16 +204,18 @@ class VaryingPlan:
         self.push(one, np.ones(state.history.shape), slip)
         return self.value(one) - self.value(zero)
 
-    def jump(self, state: VaryingState, delta: ArrayLike, g: ArrayLike | None = None) -> None:
-        """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on.
+    def jump(self, state: VaryingState, delta: ArrayLike, age: float = 0.0, g: ArrayLike | None = None) -> None:
+        """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`.
 
         Raises
         ------
         ValueError, TypeError
-            If there is no sample yet, a shape is wrong or a number is not finite.
+            If there is no sample yet, a shape is wrong, a number is not finite, or age is not 0: jumps are at nodes here.
         """
         from basset.evaluate import _converted
 
+        if _validate.non_negative("age", age, "seconds") > 0.0:
+            raise ValueError(f"age must be 0 for a kernel whose slip varies (jumps are at nodes), got {age:g}")
         if not state.counters[0]:
             raise ValueError("jump needs a first sample: push it before the jump, got an empty state")
         for name, value in (("delta", delta), ("g", g)):

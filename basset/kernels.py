@@ -29,6 +29,20 @@ def gauss_legendre(points: int) -> tuple[Floats, Floats]:
     return nodes, weights
 
 
+def checked_lags(s: ArrayLike) -> Floats:
+    """`s` as float64 lags of 0 or greater; TypeError for what holds no real numbers, ValueError for negative ones and NaN."""
+    try:
+        lags = np.asarray(s)
+        if lags.dtype.kind not in "fiu":
+            raise TypeError
+        lags = lags.astype(np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"s must be an array of real lags in seconds, got {_validate.shown(s)}") from None
+    if not np.all(lags >= 0.0):
+        raise ValueError(f"s must hold lags of 0 or greater (seconds), got {lags[~(lags >= 0.0)].flat[0]:g}")
+    return lags
+
+
 class Kernel(abc.ABC):
     """A memory kernel K(s), s > 0 in seconds; K(s) ~ s^(-1/2) as s → 0.
 
@@ -75,15 +89,7 @@ class Kernel(abc.ABC):
         TypeError
             If `s` does not hold real numbers.
         """
-        try:
-            lags = np.asarray(s)
-            if lags.dtype.kind not in "fiu":
-                raise TypeError
-            lags = lags.astype(np.float64)
-        except (TypeError, ValueError):
-            raise TypeError(f"s must be an array of real lags in seconds, got {_validate.shown(s)}") from None
-        if not np.all(lags >= 0.0):
-            raise ValueError(f"s must hold lags of 0 or greater (seconds), got {lags[~(lags >= 0.0)].flat[0]:g}")
+        lags = checked_lags(s)
         with np.errstate(divide="ignore", over="ignore"):
             result = self._values(lags)
         return result if result.ndim else float(result)

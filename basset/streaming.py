@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
+from basset._states import owned, steps_to
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature.base import INPUTS, TABLES, Rule, table
 from basset.quadrature.product import GAUSS, Daitche, lagrange, panel_basis, panel_integrals
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from basset.exponentials import ExponentialSum
 
 Array = NDArray[np.float64]
+
+LONGEST = 100_000_000  # steps of whole history: some gigabytes
 
 
 class State(NamedTuple):
@@ -74,7 +77,7 @@ class Plan:
         self.rule, self.dt, self.kernel = rule, _validate.positive("dt", dt, "seconds"), kernel
         horizon = _validate.positive("horizon", horizon, "seconds")
         rule._accept(kernel, INPUTS[0])
-        steps = max(1, math.ceil(horizon / self.dt * (1.0 - 1e-12)))
+        steps = steps_to(horizon, self.dt)
         self._unit = kernel.scaled(self.dt)
         self._base = rule._remembered
         window = rule._window_steps(self.dt)
@@ -106,6 +109,10 @@ class Plan:
         self._tail_weights: Floats = np.empty(0)
         self._fixed_terms: Floats = np.empty((0, 0))
         if self._window is None:
+            if steps > LONGEST:
+                raise ValueError(
+                    f"horizon must be at most {LONGEST:g} steps where the whole history is kept, got {steps:g} steps: take a window or basset.Exponential"
+                )
             slots, steady, ring = steps + 1, steps + 1, steps + 1
             fixed: Floats = np.empty(0)
             entry: Floats = np.empty((0, 0))
@@ -217,8 +224,8 @@ class Plan:
         ValueError, TypeError
             If the sample has another shape or is not finite, or the horizon is exceeded; the state is then unchanged.
         """
-        sample = self._sample("g", g, state)
-        self.run(state, sample[None])
+        self._own(state)
+        self.run(state, self._sample("g", g, state)[None])
 
     def run(self, state: State, G: ArrayLike) -> Array:
         """Accept a block of samples (steps, *shape), in place, and return H at each of them; one entry into compiled code.
@@ -235,6 +242,7 @@ class Plan:
         from basset import _stream
         from basset.evaluate import _converted, _diagnose
 
+        self._own(state)
         rates = G if type(G) is np.ndarray and G.dtype == np.float64 else _converted("G", G)
         shape = state.history.shape
         if rates.shape[1:] != shape or rates.ndim == 0:
@@ -290,7 +298,12 @@ class Plan:
             return float(short[n, n])
         return float(interior[-1])
 
+    def _own(self, state: State) -> None:
+        width = self._slots if self._window is None else 2 * self._slots
+        owned(state, State, {"samples": width, "terms": len(self._rates), "future": self._ring})
+
     def _room(self, state: State) -> None:
+        self._own(state)
         node = int(state.counters[1])
         if self.steps is not None and node > self.steps:
             raise ValueError(f"horizon must cover the stream: it was planned for {self.steps} steps of {self.dt:g} s after the first sample, got step {node}")
@@ -321,6 +334,7 @@ class Plan:
             If there is no sample yet, a shape is wrong, a number is not finite, age is negative or reaches back more than
             one step before the first sample, or exceeds dt where g is given.
         """
+        self._own(state)
         delta = self._sample("delta", np.broadcast_to(np.asarray(delta), state.history.shape) if np.ndim(delta) == 0 else delta, state)
         age = _validate.non_negative("age", age, "seconds")
         node = int(state.counters[1])
@@ -437,7 +451,7 @@ class Plan:
         future = np.zeros((len(old), ahead))
         for q, x in enumerate(x_w[0]):
             values = self._excess(shift + x + np.arange(ahead + panels + 1.0))
-            if panels * ahead <= 1 << 16:
+            if panels * ahead <= 1 << 12:
                 for m in range(panels):
                     future += weighted[:, m, q, None] * values[m + 1 : m + 1 + ahead]
             elif ahead and panels:
@@ -449,7 +463,7 @@ class Plan:
         for s, piece in pieces:
             for q, distance in enumerate(s):
                 future += piece[:, q, None] * self._excess(distance + coming)
-        everything = [*pieces, ((shift + np.arange(panels)[:, None] + x_w[0]).ravel(), weighted.reshape(len(old), -1))]
+        everything = [*pieces, ((shift + np.arange(panels)[:, None] + x_w[0]).ravel(), weighted.reshape(len(old), max(panels, 0) * GAUSS))]
         for s, piece in everything:
             state.terms[...] += root * (piece @ np.exp(-s[:, None] * self._rates)) * self._tail_weights
         if lag > 0.0:  # H at the newest node, without a straddling polynomial
@@ -474,7 +488,8 @@ class Plan:
     # ------------------------------------------------------------------------------------------------ as weights
 
     def weights(self, n: int) -> Array:
-        """Weights (n+1,), newest first, of H at node n of one stretch: what the stream applies."""
+        """Weights (n+1,), newest first, of H at node n of one stretch: what the stream applies; n from 1 to the horizon."""
+        n = _validate.integer("n", n, 1, self.steps)
         short, oldest, interior, fixed, _, gains, entry = self._arrays
         result = np.zeros(n + 1)
         if n < len(short):

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from basset import _validate
 from basset.evaluate import _converted
@@ -240,6 +239,8 @@ def first_crossing(events: Sequence[Event], piece: Piece, grid: Floats) -> tuple
 
 
 def _root(event: Event, piece: Piece, low: float, high: float, before: float, after: float) -> float:
+    from scipy.optimize import brentq  # takes a quarter of a second to import
+
     event.side = math.copysign(1.0, before)
     if after == 0.0:
         return high

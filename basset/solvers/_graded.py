@@ -1,0 +1,312 @@
+"""Graded collocation at work: bases, tables of one step size, and the integration around the inner loop of `_march`."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.special import roots_jacobi
+
+from basset._compile import is_compiled, rate_function
+from basset.exponentials import ExponentialSum
+from basset.kernels import Floats, Kernel, gauss_legendre
+from basset.solvers import _march
+from basset.solvers.base import Piece, SolverError, Task, Trace, fire, first_crossing
+
+if TYPE_CHECKING:
+    from basset.solvers.collocation import Collocation
+
+QUADRATURE = 48
+DECAYED = 40.0  # e^(−40) is below rounding
+
+
+class Nodal:
+    """Polynomials on [0, 1] by their values at nodes, kept in Legendre coefficients."""
+
+    def __init__(self, nodes: Floats) -> None:
+        self.nodes = nodes
+        self.degree = len(nodes) - 1
+        self.coefficients = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, self.degree))  # (degree+1, nodes)
+        self._slopes = 2.0 * legendre.legder(self.coefficients) if self.degree else np.zeros((1, 1))
+        self._integrals = 0.5 * legendre.legint(self.coefficients, lbnd=-1.0)
+
+    def values(self, x: Floats) -> Floats:
+        """Basis (…, nodes) at x."""
+        return np.asarray(legendre.legvander(2.0 * x - 1.0, self.degree) @ self.coefficients)
+
+    def slopes(self, x: Floats) -> Floats:
+        """Derivatives of the basis (…, nodes) at x."""
+        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
+
+    def integrals(self, x: Floats) -> Floats:
+        """Integrals of the basis from 0 to x (…, nodes)."""
+        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
+
+
+class Stages:
+    """Nodes and bases for S stages."""
+
+    def __init__(self, stages: int) -> None:
+        inner = roots_jacobi(stages - 1, 1.0, 0.0)[0] if stages > 1 else np.empty(0)
+        self.c = np.append((inner + 1.0) / 2.0, 1.0)  # Radau IIA
+        self.regular = Nodal(self.c)
+        self.singular = Nodal(np.concatenate([[0.0], np.sqrt(self.c)]))
+        self.integral = self.regular.integrals(self.c)  # (stage, node)
+        root = np.sqrt(self.c)
+        self.slope = self.singular.slopes(root)[:, 1:] / (2.0 * root[:, None])  # d/dθ at the nodes, of y − y_n
+        ends = np.concatenate([[0.0], root])  # between the nodes, where the defect of a singular step is looked at
+        self.between = 0.5 * (ends[1:] + ends[:-1])
+        self.width = np.diff(ends)
+
+
+@lru_cache(maxsize=32)
+def stages_of(count: int) -> Stages:
+    """The nodes and bases, made once."""
+    return Stages(count)
+
+
+@lru_cache(maxsize=512)
+def local_history(count: int, kernel: Kernel) -> tuple[Floats, Floats]:
+    """History at the nodes of what happens inside a unit step: (regular, singular), each (stage, node).
+
+    Regular: ∫_0^c K(c − θ) L_j(θ) dθ. Singular: ∫_0^c K(c − θ) dℓ_j(√θ), split at c/8 from the kernel's singularity.
+    """
+    stages = stages_of(count)
+    regular = np.empty((count, count))
+    for i, c in enumerate(stages.c):
+        nodes, weights = kernel.rule(0.0, c)
+        regular[i] = weights @ stages.regular.values(c * (1.0 - nodes))
+    return regular, singular_history(stages, kernel, stages.c)
+
+
+def singular_history(stages: Stages, kernel: Kernel, places: Floats) -> Floats:
+    """∫_0^c K(c − θ) dℓ_j(√θ) at c in `places`: (place, node)."""
+    result = np.empty((len(places), stages.singular.degree))
+    x, w = gauss_legendre(QUADRATURE)
+    for i, c in enumerate(places):
+        near = c / 8.0
+        nodes, weights = kernel.rule(0.0, near)
+        sigma = np.sqrt(c - near * nodes)
+        result[i] = weights @ (stages.singular.slopes(sigma) / (2.0 * sigma[:, None]))[:, 1:]
+        far = math.sqrt(c - near)
+        sigma = far * x
+        result[i] += (far * w * kernel._values(c - sigma**2)) @ stages.singular.slopes(sigma)[:, 1:]
+    return result
+
+
+@lru_cache(maxsize=512)
+def history_between(count: int, kernel: Kernel) -> Floats:
+    """`singular_history` halfway between the nodes."""
+    stages = stages_of(count)
+    return singular_history(stages, kernel, stages.between**2)
+
+
+def moments(stages: Stages, rates: Floats, h: float, theta: float, singular: bool) -> Floats:
+    """∫ e^(−λ(θh − s)) dy(s) over [0, θh] for each term and node: (term, node), node values of y' or of y − y_n.
+
+    Fast terms see only the end of the interval: its last 40 decay times are integrated there.
+    """
+    x, w = gauss_legendre(QUADRATURE)
+    z = rates * h * theta
+    share = np.minimum(1.0, DECAYED / z)[:, None]  # of θ
+    if singular:  # in σ, from where the decay begins to matter
+        low = np.sqrt(np.maximum(0.0, 1.0 - share))
+        width = share / (1.0 + low)  # 1 − low without cancellation
+        position = 1.0 - width * x  # σ/√θ
+        factor = width * w * math.sqrt(theta) * np.exp(-z[:, None] * (1.0 - position) * (1.0 + position))
+        basis = stages.singular.slopes(position * math.sqrt(theta))[..., 1:]
+    else:
+        position = 1.0 - share * x
+        factor = share * w * h * theta * np.exp(-z[:, None] * share * x)
+        basis = stages.regular.values(position * theta)
+    return np.asarray(np.einsum("tq,tqj->tj", factor, basis))
+
+
+class Integration:
+    """One integration: the tables and events around the inner loop."""
+
+    def __init__(self, method: Collocation, task: Task, trace: Trace) -> None:
+        self.task, self.trace = task, trace
+        digits = -math.log10(method.rtol)
+        self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
+        self.stages = stages = stages_of(count)
+        active = task.coefficient > 0.0
+        span = task.end - task.start
+        jumps = any(event.jump is not None for event in task.events)
+        near, floor = (1e-12, 1e-11) if jumps else (1e-10, 1e-8)
+        limit = min(method.max_step or span, span)
+        self.problem = _march.Problem(
+            task.end, span, limit, floor * span, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active]
+        )
+        self.remembers = bool(active.any())
+        self.tail = self._sum(near * span) if self.remembers else None
+        between = stages.between
+        constants = (stages.singular.values(between)[:, 1:], stages.singular.slopes(between)[:, 1:])
+        regular, singular = stages.regular.coefficients, stages.singular.coefficients[:, 1:]
+        arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants)
+        self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
+        rungs, terms = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2, len(self.tail) if self.tail else 0
+        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, terms, count), (2, count, count), (count,)]
+        shapes += [(count, terms), (count, count), (count,)]
+        self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
+        n, m = len(task.y0), int(active.sum())
+        numbers = np.zeros(12)
+        numbers[_march.TIME] = numbers[_march.JUMPED] = task.start
+        numbers[_march.STEP] = numbers[_march.FIRST] = min(limit, span / 64.0)
+        numbers[_march.SINGULAR] = float(self.remembers)
+        self.state = _march.State(task.y0.copy(), np.zeros((terms, m)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+
+    def _sum(self, near: float) -> ExponentialSum:
+        """The kernel's sum, to a tenth of rtol or the best there is."""
+        far = self.problem.span * (1.0 + 1e-9)
+        tolerance = 0.1 * self.problem.rtol
+        while True:
+            try:
+                return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+            except ValueError:
+                if tolerance > 1e-3:
+                    raise
+                tolerance *= 2.0
+
+    def _fill(self) -> None:
+        """Make the tables for the step size that the loop asks for."""
+        numbers, tables, kernel = self.state.numbers, self.tables, self.task.kernel
+        h, slot, kind = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
+        tables.sizes[slot] = np.where(np.arange(2) == kind, h, np.where(tables.sizes[slot] == h, h, 0.0))
+        if self.tail is None:
+            return
+        decays = self.tail.weights * np.exp(-np.outer(self.stages.c * h, self.tail.rates))
+        tables.past[slot, kind], tables.decay[slot] = decays, np.exp(-self.tail.rates * h)
+        tables.moments[slot, kind] = moments(self.stages, self.tail.rates, h, 1.0, bool(kind))
+        scaled, root = kernel.scaled(h), math.sqrt(h)
+        tables.local[slot, kind] = local_history(self.count, scaled)[kind] * (1.0 / root if kind else root)
+        if kind:
+            places = self.stages.between**2
+            tables.kernel[slot], tables.between_kernel[slot] = kernel._values(self.stages.c * h), kernel._values(places * h)
+            tables.between_past[slot] = self.tail.weights * np.exp(-np.outer(places * h, self.tail.rates))
+            tables.between_local[slot] = history_between(self.count, scaled) / root
+
+    def run(self) -> None:
+        """March to the end, or to what stops before."""
+        task, values = self.task, np.zeros((self.count, len(self.task.y0)))
+        compiled = is_compiled(task.function)
+        fun: Any = task.rate
+        attempt, march = _march.attempt, _march.march
+        if compiled:
+            task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
+            fun = rate_function(task.function, task.args, len(task.y0))
+            attempt, march = _march.attempt_compiled, _march.march_compiled
+        calls = task.nfev
+        try:
+            while True:
+                if task.events:
+                    code = attempt(fun, self.problem, self.nodes, self.tables, self.state, values)
+                else:
+                    record = self._record(64)
+                    code, done = march(fun, self.problem, self.nodes, self.tables, self.state, values, record)
+                    self._keep(record, done)
+                if code == _march.TABLE:
+                    self._fill()
+                elif code == _march.ACCEPTED:
+                    if self._pass(values):
+                        return
+                elif code == _march.END:
+                    return
+                elif code != _march.FULL:
+                    raise SolverError(self._reason(code))
+        finally:
+            if compiled:
+                task.nfev = calls + int(self.state.numbers[_march.CALLS])
+
+    def _reason(self, code: int) -> str:
+        numbers, t = self.state.numbers, self.state.numbers[_march.TIME]
+        if code == _march.TOO_MANY:
+            return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
+        if code == _march.NOT_FINITE:
+            return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
+        return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
+
+    def _record(self, steps: int) -> _march.Record:
+        n = len(self.state.y)
+        return _march.Record(np.zeros(steps), np.zeros(steps), np.zeros(steps), np.zeros((steps, n)), np.zeros((steps, self.count, n)))
+
+    def _keep(self, record: _march.Record, done: int) -> None:
+        """Append recorded steps to the trace."""
+        ends = np.append(record.start[1:done], self.state.numbers[_march.TIME])
+        after = [*record.y[1:done], self.state.y.copy()]
+        for k in range(done):
+            self.trace.pieces.append(self._piece(record.start[k], record.size[k], bool(record.kind[k]), record.y[k], record.values[k]))
+            self.trace.times.append(float(ends[k]))
+            self.trace.states.append(after[k])
+        self.trace.steps += done
+
+    def _piece(self, start: float, h: float, singular: bool, y: Floats, values: Floats) -> Piece:
+        stages = self.stages
+        if singular:
+            return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values)
+        return Piece(start, h, lambda theta: y + h * (stages.regular.integrals(theta) @ values))
+
+    def _pass(self, values: Floats) -> bool:
+        """Take the step that was found, up to its first event; whether the integration ends there."""
+        state, numbers, task = self.state, self.state.numbers, self.task
+        h, singular = float(numbers[_march.STEP]), bool(numbers[_march.SINGULAR])
+        piece = self._piece(float(numbers[_march.TIME]), h, singular, state.y.copy(), values.copy())
+        grid = np.linspace(0.0, 1.0, 2 * self.count + 3)
+        cut, events = first_crossing(task.events, piece, grid**2 if singular else grid)
+        theta = min(cut, 1.0)
+        self.trace.steps += 1
+        numbers[_march.STEPS] += 1.0
+        self._advance(piece, theta, singular, values)
+        if not events:
+            if singular:
+                numbers[_march.FIRST] = h
+            numbers[_march.STEP] = _march.next_step(self.problem, numbers, h, self.count)
+            numbers[_march.SINGULAR] = 0.0
+            return False
+        if singular:
+            numbers[_march.FIRST] = h
+        t, before = float(numbers[_march.TIME]), state.y.copy()
+        after, stop, rest = fire(task, self.trace, events, t, before)
+        if any(event.jump is not None for event in events):
+            if self.remembers:
+                state.jump[:] = (after - before)[self.problem.where]
+            state.y[:] = after
+            numbers[_march.KNOWN] = 0.0
+            self.trace.times.append(t)
+            self.trace.states.append(after.copy())
+            flight = t - numbers[_march.JUMPED]
+            numbers[_march.JUMPED] = t
+            numbers[_march.STEP] = min(numbers[_march.FIRST], 0.5 * flight) if flight > 0.0 else numbers[_march.FIRST]
+            numbers[_march.SINGULAR] = float(self.remembers)
+        if stop or rest:
+            self.trace.status = 1 if stop else 2
+        return stop or rest
+
+    def _advance(self, piece: Piece, theta: float, singular: bool, values: Floats) -> None:
+        """Move to θ of the step: memory, state and trace."""
+        state, numbers, h = self.state, self.state.numbers, piece.length
+        if self.tail is not None and theta > 0.0:
+            if singular:
+                state.past[...] += state.jump
+                state.jump[:] = 0.0
+            if theta == 1.0:
+                slot = int(numbers[_march.SLOT])
+                decay, gained = self.tables.decay[slot], self.tables.moments[slot, int(singular)]
+            else:
+                decay = np.exp(-self.tail.rates * h * theta)
+                gained = moments(self.stages, self.tail.rates, h, theta, singular)
+            state.past[...] = decay[:, None] * state.past + gained @ values[:, self.problem.where]
+        state.y[:] = piece.values(np.array([theta]))[0]
+        end = piece.start + h * theta
+        if theta == 1.0 and abs(self.task.end - end) <= 1e-12 * self.problem.span:
+            end = self.task.end
+        numbers[_march.TIME] = end
+        if theta < 1.0:
+            whole = piece.values
+            piece = Piece(piece.start, h * theta, lambda share: whole(share * theta))
+        self.trace.pieces.append(piece)
+        self.trace.times.append(end)
+        self.trace.states.append(state.y.copy())

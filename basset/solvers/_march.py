@@ -1,0 +1,449 @@
+"""The inner loop of graded collocation: written once, run as plain Python for Python callables and compiled for compiled ones.
+
+It comes back to its caller when a table for a new step size is missing, when its record is full, when it cannot go on, and at
+the end; between these no Python is involved if `fun` is compiled. `fun` is (t, y) -> rates in plain Python and a C function
+of (t, y, rates) in compiled code: the loop is compiled once for all of them and kept on disk.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basset._compile import compiled, overloads, shared
+from basset.kernels import Floats
+
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE = range(7)
+LADDER = 8  # step sizes per octave: tables are kept by rung
+
+# places in State.numbers
+TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT = range(12)
+
+
+class Problem(NamedTuple):
+    """What does not change: times in s, steps in s, tolerances, memory components and their coefficients."""
+
+    end: float
+    span: float
+    limit: float
+    floor: float
+    rtol: float
+    atol: float
+    max_steps: int
+    where: Any
+    strength: Floats
+
+
+class Nodes(NamedTuple):
+    """Matrices of the stages, (stage, node), see `collocation.Stages`."""
+
+    c: Floats
+    slope: Floats
+    integral: Floats
+    regular: Floats
+    singular: Floats
+    between: Floats
+    width: Floats
+    between_values: Floats
+    between_slopes: Floats
+
+
+class Tables(NamedTuple):
+    """By rung of the ladder (the last for odd sizes) and kind (0 regular, 1 singular)."""
+
+    sizes: Floats  # (rung, kind): the step size it was made for, 0 for none
+    past: Floats  # (rung, kind, stage, term)
+    decay: Floats  # (rung, term)
+    moments: Floats  # (rung, kind, term, node)
+    local: Floats  # (rung, kind, stage, node)
+    kernel: Floats  # (rung, stage)
+    between_past: Floats  # (rung, place, term)
+    between_local: Floats  # (rung, place, node)
+    between_kernel: Floats  # (rung, place)
+
+
+class State(NamedTuple):
+    """What changes: states (n,), exponentials (terms, memory), newest jump (memory,), Jacobian (n, n), and numbers."""
+
+    y: Floats
+    past: Floats
+    jump: Floats
+    jacobian: Floats
+    numbers: Floats
+
+
+class Record(NamedTuple):
+    """Accepted steps: start, size, kind, state at the start, node values."""
+
+    start: Floats
+    size: Floats
+    kind: Floats
+    y: Floats
+    values: Floats
+
+
+def _make_assemble(digest: str) -> Callable[..., Any]:
+    def assemble(problem, nodes, tables, state, h, slot, kind):  # type: ignore[no-untyped-def]
+        """(inverse, lead, carry, force): Newton's matrix, from the unknowns to y' and to y − y_n, and c·(memory before the step)."""
+        digest  # noqa: B018 - part of the cache key
+        count, n, m = len(nodes.c), len(state.y), len(problem.where)
+        lead, carry = np.zeros((count, count)), np.zeros((count, count))
+        for i in range(count):
+            if kind == 1:
+                carry[i, i] = 1.0
+                lead[i] = nodes.slope[i] / h
+            else:
+                lead[i, i] = 1.0
+                carry[i] = h * nodes.integral[i]
+        matrix = np.zeros((count * n, count * n))
+        for i in range(count):
+            for k in range(count):
+                for a in range(n):
+                    for b in range(n):
+                        matrix[i * n + a, k * n + b] = -carry[i, k] * state.jacobian[a, b]
+                    matrix[i * n + a, k * n + a] += lead[i, k]
+                for a in range(m):
+                    place = problem.where[a]
+                    matrix[i * n + place, k * n + place] += problem.strength[a] * tables.local[slot, kind, i, k]
+        force = np.zeros((count, n))
+        for i in range(count):
+            for a in range(m):
+                memory = 0.0
+                for q in range(len(state.past)):
+                    memory += tables.past[slot, kind, i, q] * state.past[q, a]
+                if kind == 1:
+                    memory += tables.kernel[slot, i] * state.jump[a]
+                force[i, problem.where[a]] = problem.strength[a] * memory
+        return np.linalg.inv(matrix), lead, carry, force
+
+    return assemble
+
+
+assemble = compiled(_make_assemble)
+
+
+def _make_correct(digest: str) -> Callable[..., Any]:
+    def correct(problem, local, state, inverse, lead, carry, force, rates, states, unknown):  # type: ignore[no-untyped-def]
+        """One Newton correction of `unknown` and `states`, in place: (its size, rounding) over the tolerance."""
+        digest  # noqa: B018
+        count, n = states.shape
+        residual = force - rates
+        for i in range(count):
+            for k in range(count):
+                for a in range(n):
+                    residual[i, a] += lead[i, k] * unknown[k, a]
+                for a in range(len(problem.where)):
+                    residual[i, problem.where[a]] += problem.strength[a] * local[i, k] * unknown[k, problem.where[a]]
+        unknown -= np.dot(inverse, residual.reshape(count * n)).reshape((count, n))
+        size, floor = 0.0, 0.0
+        for i in range(count):
+            for a in range(n):
+                value = state.y[a]
+                for k in range(count):
+                    value += carry[i, k] * unknown[k, a]
+                scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(value))
+                change = abs(value - states[i, a]) / scale
+                if not change <= size:  # also for NaN
+                    size = change
+                floor = max(floor, 4e-16 * abs(value) / scale)
+                states[i, a] = value
+        return size, floor
+
+    return correct
+
+
+correct = compiled(_make_correct)
+
+
+def _make_decay(digest: str) -> Callable[..., Any]:
+    def decay_error(problem, nodes, state, h, values):  # type: ignore[no-untyped-def]
+        """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
+        digest  # noqa: B018
+        count, n = values.shape
+        worst = 0.0
+        coefficients = np.zeros(count)
+        for a in range(n):
+            end = state.y[a]
+            for i in range(count):
+                coefficients[i] = 0.0
+                end += h * nodes.integral[count - 1, i] * values[i, a]
+                for k in range(count):
+                    coefficients[i] += h * nodes.regular[i, k] * values[k, a]
+                coefficients[i] = abs(coefficients[i])
+            last, before = coefficients[count - 1], coefficients[count - 2]
+            if count == 2:
+                decay = min(1.0, last / max(before, 1e-300))
+            else:  # parity may hide one coefficient: compare pairs
+                older = max(1e-300, coefficients[count - 3], coefficients[max(0, count - 4)])
+                decay = math.sqrt(min(1.0, max(last, before) / older))
+            tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
+            error = tail / (problem.atol + problem.rtol * max(abs(state.y[a]), abs(end)))
+            if not error <= worst:
+                worst = error
+        return worst
+
+    return decay_error
+
+
+decay_error = compiled(_make_decay)
+
+
+def _make_between(digest: str) -> Callable[..., Any]:
+    def states_between(nodes, state, values):  # type: ignore[no-untyped-def]
+        """States of a singular step halfway between its nodes in σ, where its defect is largest: (place, n)."""
+        digest  # noqa: B018
+        return np.dot(nodes.between_values, values) + state.y
+
+    return states_between
+
+
+states_between = compiled(_make_between)
+
+
+def _make_defect(digest: str) -> Callable[..., Any]:
+    def defect_error(problem, nodes, tables, state, h, slot, values, rates):  # type: ignore[no-untyped-def]
+        """∫ |y' − fun + c·H| over a singular step, over the tolerance."""
+        digest  # noqa: B018
+        count, n = values.shape
+        defect = np.dot(nodes.between_slopes, values)
+        for i in range(count):
+            defect[i] = defect[i] / (2.0 * h * nodes.between[i]) - rates[i]
+            for a in range(len(problem.where)):
+                memory = tables.between_kernel[slot, i] * state.jump[a]
+                for k in range(count):
+                    memory += tables.between_local[slot, i, k] * values[k, problem.where[a]]
+                for q in range(len(state.past)):
+                    memory += tables.between_past[slot, i, q] * state.past[q, a]
+                defect[i, problem.where[a]] += problem.strength[a] * memory
+        worst = 0.0
+        for a in range(n):
+            total = 0.0
+            for i in range(count):
+                total += 2.0 * h * nodes.between[i] * nodes.width[i] * abs(defect[i, a])
+            error = total / (problem.atol + problem.rtol * max(abs(state.y[a]), abs(state.y[a] + values[count - 1, a])))
+            if not error <= worst:
+                worst = error
+        return worst
+
+    return defect_error
+
+
+defect_error = compiled(_make_defect)
+
+
+def _make_choose(digest: str) -> Callable[..., Any]:
+    def choose(problem, tables, state):  # type: ignore[no-untyped-def]
+        """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
+        digest  # noqa: B018
+        numbers, odd = state.numbers, len(tables.sizes) - 1
+        left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
+        if left <= 0.0:
+            return END
+        slot = odd
+        if h >= left * (1.0 - 1e-12):
+            h = left
+        else:
+            slot = math.ceil(LADDER * math.log2(problem.span / h) - 1e-9)
+            h = min(problem.span * 2.0 ** (-slot / LADDER), left)
+            if 0.0 < left - h < 0.05 * h:  # no sliver at the end
+                h, slot = (left if left <= problem.limit else 0.5 * left), odd
+        if (h < problem.floor and left > problem.floor) or slot > odd:
+            return TOO_SMALL
+        numbers[STEP], numbers[SLOT] = h, slot
+        return ACCEPTED if tables.sizes[slot, int(numbers[SINGULAR])] == h else TABLE
+
+    return choose
+
+
+choose = compiled(_make_choose)
+
+
+def _make_next_step(digest: str) -> Callable[..., Any]:
+    def next_step(problem, numbers, h, count):  # type: ignore[no-untyped-def]
+        """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
+        digest  # noqa: B018
+        size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
+        return min(size, 2.0 * (numbers[TIME] - numbers[JUMPED])) if len(problem.where) > 0 else size
+
+    return next_step
+
+
+next_step = compiled(_make_next_step)
+
+
+def _make_accept(digest: str) -> Callable[..., Any]:
+    def accept(problem, nodes, tables, state, values, record, done):  # type: ignore[no-untyped-def]
+        """Take the step that was found: record it, move state and memory, choose the next size."""
+        digest  # noqa: B018
+        numbers, count, n = state.numbers, len(values), len(state.y)
+        h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
+        record.start[done], record.size[done], record.kind[done] = numbers[TIME], h, kind
+        record.y[done], record.values[done] = state.y, values
+        for a in range(len(problem.where)):
+            for q in range(len(state.past)):
+                term = tables.decay[slot, q] * (state.past[q, a] + (state.jump[a] if kind == 1 else 0.0))
+                for k in range(count):
+                    term += tables.moments[slot, kind, q, k] * values[k, problem.where[a]]
+                state.past[q, a] = term
+            if kind == 1:
+                state.jump[a] = 0.0
+        for a in range(n):
+            if kind == 1:
+                state.y[a] += values[count - 1, a]
+            else:
+                gain = 0.0
+                for k in range(count):
+                    gain += nodes.integral[count - 1, k] * values[k, a]
+                state.y[a] += h * gain
+        if kind == 1:
+            numbers[FIRST] = h
+        numbers[TIME] += h
+        if abs(problem.end - numbers[TIME]) <= 1e-12 * problem.span:
+            numbers[TIME] = problem.end
+        numbers[STEPS] += 1.0
+        numbers[STEP] = next_step(problem, numbers, h, count)
+        numbers[SINGULAR] = 0.0
+
+    return accept
+
+
+accept = compiled(_make_accept)
+
+
+def evaluate(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
+    """`fun` at every row of `states`; whether all is finite."""
+    for i in range(len(times)):
+        rates[i] = fun(times[i], states[i])
+    return checked(state, times, rates)
+
+
+@overloads(evaluate)
+def _evaluate_compiled(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
+    def evaluate(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
+        for i in range(len(times)):
+            fun(times[i], states[i].ctypes, rates[i].ctypes)
+        return checked(state, times, rates)
+
+    return evaluate
+
+
+@shared
+def checked(state, times, rates):  # type: ignore[no-untyped-def]
+    """Count the calls; where they are not finite, note when and in which component."""
+    state.numbers[CALLS] += len(times)
+    for i in range(len(times)):
+        for a in range(len(state.y)):
+            if not math.isfinite(rates[i, a]):
+                state.numbers[WHERE], state.numbers[WHAT] = times[i], a
+                return False
+    return True
+
+
+@shared
+def newton(fun, problem, nodes, tables, state, values, rates):  # type: ignore[no-untyped-def]
+    """Solve the stages into `values`: iterations, negative if it failed, 0 if fun was not finite."""
+    h, slot, kind = state.numbers[STEP], int(state.numbers[SLOT]), int(state.numbers[SINGULAR])
+    inverse, lead, carry, force = assemble(problem, nodes, tables, state, h, slot, kind)
+    times = state.numbers[TIME] + nodes.c * h
+    states = np.zeros_like(values)
+    states[:] = state.y
+    values[:] = 0.0
+    previous = math.inf
+    for iteration in range(1, 11):
+        if not evaluate(fun, state, times, states, rates):
+            return 0
+        size, floor = correct(problem, tables.local[slot, kind], state, inverse, lead, carry, force, rates, states, values)
+        if not math.isfinite(size):
+            return -iteration
+        if size <= max(1e-3, floor):
+            return iteration
+        if iteration > 2 and size > 0.9 * previous:
+            return iteration if size <= max(1e-2, 10.0 * floor) else -iteration
+        previous = size
+    return -10
+
+
+@shared
+def differentiate(fun, problem, state):  # type: ignore[no-untyped-def]
+    """∂fun/∂y by forward differences at the step's start; whether it is finite."""
+    n, t = len(state.y), state.numbers[TIME]
+    states, rates = np.zeros((n + 1, n)), np.zeros((n + 1, n))
+    for j in range(n + 1):
+        states[j] = state.y
+    for j in range(n):
+        states[j + 1, j] += 1.5e-8 * max(abs(state.y[j]), problem.atol + problem.rtol, 1e-8)
+    if not evaluate(fun, state, np.full(n + 1, t), states, rates):
+        return False
+    for j in range(n):
+        state.jacobian[:, j] = (rates[j + 1] - rates[0]) / (states[j + 1, j] - state.y[j])
+    return True
+
+
+@shared
+def attempt(fun, problem, nodes, tables, state, values):  # type: ignore[no-untyped-def]
+    """Find the next step that keeps the tolerance: node values into `values`, its size in numbers[STEP]; ACCEPTED or why not."""
+    numbers, count = state.numbers, len(nodes.c)
+    rates = np.zeros_like(values)
+    while True:
+        code = choose(problem, tables, state)
+        if code != ACCEPTED:
+            return code
+        iterations = -1
+        for trial in range(2):
+            if numbers[KNOWN] == 0.0 or trial == 1:
+                if not differentiate(fun, problem, state):
+                    return NOT_FINITE
+                numbers[KNOWN] = 1.0
+            iterations = newton(fun, problem, nodes, tables, state, values, rates)
+            if abs(iterations) > 4:
+                numbers[KNOWN] = 0.0  # of another place by now
+            if iterations >= 0:
+                break
+        if iterations == 0:
+            return NOT_FINITE
+        h, error, power = numbers[STEP], math.inf, float(count)
+        if iterations > 0 and numbers[SINGULAR] == 1.0:
+            power = 0.5 * (count + 1)
+            if not evaluate(fun, state, numbers[TIME] + h * nodes.between**2, states_between(nodes, state, values), rates):
+                return NOT_FINITE
+            error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
+        elif iterations > 0:
+            error = decay_error(problem, nodes, state, h, values)
+        if error <= 1.0:
+            if numbers[STEPS] >= problem.max_steps:
+                return TOO_MANY
+            numbers[ERROR] = error
+            return ACCEPTED
+        numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+
+
+def _make_attempt(digest: str) -> Callable[..., Any]:
+    def compiled_attempt(fun, problem, nodes, tables, state, values):  # type: ignore[no-untyped-def]
+        digest  # noqa: B018
+        return attempt(fun, problem, nodes, tables, state, values)
+
+    return compiled_attempt
+
+
+def _make_march(digest: str) -> Callable[..., Any]:
+    def march(fun, problem, nodes, tables, state, values, record):  # type: ignore[no-untyped-def]
+        """Take steps until something needs the caller; (code, steps recorded)."""
+        digest  # noqa: B018
+        done = 0
+        while done < len(record.start):
+            code = attempt(fun, problem, nodes, tables, state, values)
+            if code != ACCEPTED:
+                return code, done
+            accept(problem, nodes, tables, state, values, record, done)
+            done += 1
+        return FULL, done
+
+    return march
+
+
+attempt_compiled = compiled(_make_attempt)
+march_compiled = compiled(_make_march)
+march = _make_march("")
