@@ -14,7 +14,7 @@ from basset._compile import is_compiled, rate_function
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.solvers import _march
-from basset.solvers.base import Piece, SolverError, Task, Trace, fire, first_crossing
+from basset.solvers.base import Piece, SolverError, Task, Trace, fire, first_crossing, speed
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -135,29 +135,37 @@ class Integration:
         self.stages = stages = stages_of(count)
         active = task.coefficient > 0.0
         span = task.end - task.start
-        jumps = any(event.jump is not None for event in task.events)
-        near, floor = (1e-12, 1e-11) if jumps else (1e-10, 1e-8)
         limit = min(method.max_step or span, span)
         self.problem = _march.Problem(
-            task.end, span, limit, floor * span, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active]
+            task.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active]
         )
         self.remembers = bool(active.any())
-        self.tail = self._sum(near * span) if self.remembers else None
         between = stages.between
-        constants = (stages.singular.values(between)[:, 1:], stages.singular.slopes(between)[:, 1:])
         regular, singular = stages.regular.coefficients, stages.singular.coefficients[:, 1:]
+        constants = (stages.singular.values(between)[:, 1:], stages.singular.slopes(between)[:, 1:], stages.regular.values(np.zeros(1))[0])
         arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants)
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
-        rungs, terms = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2, len(self.tail) if self.tail else 0
-        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, terms, count), (2, count, count), (count,)]
-        shapes += [(count, terms), (count, count), (count,)]
-        self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
         n, m = len(task.y0), int(active.sum())
-        numbers = np.zeros(12)
+        numbers = np.zeros(13)
         numbers[_march.TIME] = numbers[_march.JUMPED] = task.start
         numbers[_march.STEP] = numbers[_march.FIRST] = min(limit, span / 64.0)
         numbers[_march.SINGULAR] = float(self.remembers)
-        self.state = _march.State(task.y0.copy(), np.zeros((terms, m)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+        self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((0, m)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+        fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
+        self._prepare(any(event.jump is not None for event in task.events) or fading > 1e5)
+
+    def _prepare(self, fast: bool) -> None:
+        """The smallest step, the sum for its lags and room for its tables."""
+        self.fast = fast
+        near, floor = (1e-12, 1e-11) if fast else (1e-10, 1e-8)
+        self.problem = self.problem._replace(floor=floor * self.problem.span)
+        self.tail = self._sum(near * self.problem.span) if self.remembers else None
+        count, terms = self.count, len(self.tail) if self.tail else 0
+        rungs = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2
+        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, terms, count), (2, count, count), (count,)]
+        shapes += [(count, terms), (count, count), (count,)]
+        self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
+        self.state = self.state._replace(past=np.zeros((terms, len(self.problem.where))))
 
     def _sum(self, near: float) -> ExponentialSum:
         """The kernel's sum, to a tenth of rtol or the best there is."""
@@ -215,6 +223,8 @@ class Integration:
                         return
                 elif code == _march.END:
                     return
+                elif code == _march.TOO_SMALL and not self.fast and self.state.numbers[_march.TIME] == task.start:
+                    self._prepare(fast=True)  # faster than thought: a sum for shorter lags
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
         finally:
@@ -264,8 +274,10 @@ class Integration:
             if singular:
                 numbers[_march.FIRST] = h
             numbers[_march.STEP] = _march.next_step(self.problem, numbers, h, self.count)
-            numbers[_march.SINGULAR] = 0.0
+            numbers[_march.SINGULAR], numbers[_march.SMOOTH] = 0.0, 1.0
+            state.rate[:] = self.nodes.slope[-1] @ values / h if singular else values[-1]
             return False
+        numbers[_march.SMOOTH] = 0.0
         if singular:
             numbers[_march.FIRST] = h
         t, before = float(numbers[_march.TIME]), state.y.copy()
@@ -275,6 +287,8 @@ class Integration:
                 state.jump[:] = (after - before)[self.problem.where]
             state.y[:] = after
             numbers[_march.KNOWN] = 0.0
+            for event in events:
+                event.bounced = event.jump is not None and speed(task, event, t, after) * speed(task, event, t, before) <= 0.0
             self.trace.times.append(t)
             self.trace.states.append(after.copy())
             flight = t - numbers[_march.JUMPED]
@@ -304,6 +318,8 @@ class Integration:
         if theta == 1.0 and abs(self.task.end - end) <= 1e-12 * self.problem.span:
             end = self.task.end
         numbers[_march.TIME] = end
+        if theta == 0.0:  # a contact that left no flight
+            return
         if theta < 1.0:
             whole = piece.values
             piece = Piece(piece.start, h * theta, lambda share: whole(share * theta))

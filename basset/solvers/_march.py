@@ -20,7 +20,7 @@ END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE = range(7)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
-TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT = range(12)
+TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT, SMOOTH = range(13)
 
 
 class Problem(NamedTuple):
@@ -49,6 +49,7 @@ class Nodes(NamedTuple):
     width: Floats
     between_values: Floats
     between_slopes: Floats
+    at_start: Floats
 
 
 class Tables(NamedTuple):
@@ -66,9 +67,12 @@ class Tables(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes: states (n,), exponentials (terms, memory), newest jump (memory,), Jacobian (n, n), and numbers."""
+    """What changes: states and their rates at the end of the step before (n,), exponentials (terms, memory), newest jump
+    (memory,), Jacobian (n, n), and numbers.
+    """
 
     y: Floats
+    rate: Floats
     past: Floats
     jump: Floats
     jacobian: Floats
@@ -180,6 +184,11 @@ def _make_decay(digest: str) -> Callable[..., Any]:
                 older = max(1e-300, coefficients[count - 3], coefficients[max(0, count - 4)])
                 decay = math.sqrt(min(1.0, max(last, before) / older))
             tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
+            if state.numbers[SMOOTH] == 1.0:  # nobody looks between the step's start and its first node: y' must go on from before
+                kink = -state.rate[a]
+                for k in range(count):
+                    kink += nodes.at_start[k] * values[k, a]
+                tail = max(tail, h * nodes.c[0] * abs(kink))
             error = tail / (problem.atol + problem.rtol * max(abs(state.y[a]), abs(end)))
             if not error <= worst:
                 worst = error
@@ -291,8 +300,12 @@ def _make_accept(digest: str) -> Callable[..., Any]:
             if kind == 1:
                 state.jump[a] = 0.0
         for a in range(n):
+            state.rate[a] = values[count - 1, a]
             if kind == 1:
                 state.y[a] += values[count - 1, a]
+                state.rate[a] = 0.0
+                for k in range(count):
+                    state.rate[a] += nodes.slope[count - 1, k] * values[k, a] / h
             else:
                 gain = 0.0
                 for k in range(count):
@@ -305,7 +318,7 @@ def _make_accept(digest: str) -> Callable[..., Any]:
             numbers[TIME] = problem.end
         numbers[STEPS] += 1.0
         numbers[STEP] = next_step(problem, numbers, h, count)
-        numbers[SINGULAR] = 0.0
+        numbers[SINGULAR], numbers[SMOOTH] = 0.0, 1.0
 
     return accept
 
@@ -361,7 +374,7 @@ def newton(fun, problem, nodes, tables, state, values, rates):  # type: ignore[n
         if size <= max(1e-3, floor):
             return iteration
         if iteration > 2 and size > 0.9 * previous:
-            return iteration if size <= max(1e-2, 10.0 * floor) else -iteration
+            return iteration if size <= max(0.1, 10.0 * floor) else -iteration  # stalled: rounding, well below the tolerance
         previous = size
     return -10
 

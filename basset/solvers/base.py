@@ -131,7 +131,11 @@ class Event:
 
     def value(self, t: float, y: Floats) -> float:
         """The event function, checked."""
-        result = float(self.function(t, y, *self.args))
+        given = self.function(t, y, *self.args)
+        try:
+            result = float(given)
+        except (TypeError, ValueError):
+            raise TypeError(f"event {self.index} must return a number, got {_validate.shown(given)}") from None
         if not math.isfinite(result):
             raise SolverError(f"event {self.index} gave {result} at t = {t:.6g}")
         return result
@@ -163,7 +167,11 @@ class Task:
     def rate(self, t: float, y: Floats) -> Floats:
         """fun(t, y), float64 (states,), checked for shape and finiteness."""
         self.nfev += 1
-        result = np.asarray(self.function(t, y, *self.args), dtype=np.float64)
+        given = self.function(t, y, *self.args)
+        try:
+            result = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise TypeError(f"fun must return {len(self.y0)} rates, one per state, got {_validate.shown(given)}") from None
         if result.shape != self.y0.shape:
             raise ValueError(f"fun must return {len(self.y0)} rates, one per state, got shape {result.shape}")
         if not np.isfinite(result).all():
@@ -197,7 +205,11 @@ class Method(abc.ABC):
 def jumped(task: Task, event: Event, t: float, y: Floats) -> Floats:
     """The state after the event's jump, checked."""
     assert event.jump is not None
-    after = np.asarray(event.jump(t, y.copy(), *event.args), dtype=np.float64)
+    given = event.jump(t, y.copy(), *event.args)
+    try:
+        after = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"jump of event {event.index} must return {len(y)} states, got {_validate.shown(given)}") from None
     if after.shape != y.shape:
         raise ValueError(f"jump of event {event.index} must return {len(y)} states, got shape {after.shape}")
     if not np.isfinite(after).all():
@@ -242,9 +254,22 @@ def _root(event: Event, piece: Piece, low: float, high: float, before: float, af
     from scipy.optimize import brentq  # takes a quarter of a second to import
 
     event.side = math.copysign(1.0, before)
-    if after == 0.0:
+
+    def value(theta: float) -> float:
+        return event.value(piece.start + piece.length * theta, piece.values(np.array([theta]))[0])
+
+    ends = value(low), value(high)
+    if after == 0.0 or ends[1] == 0.0:
         return high
-    return float(brentq(lambda theta: event.value(piece.start + piece.length * theta, piece.values(np.array([theta]))[0]), low, high, xtol=1e-16, rtol=1e-15))
+    if (ends[0] > 0.0) == (ends[1] > 0.0):  # so close to zero that rounding decides
+        return low if abs(ends[0]) < abs(ends[1]) else high
+    return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))
+
+
+def speed(task: Task, event: Event, t: float, y: Floats) -> float:
+    """How much the event function changes within a moment: of one sign before and after a jump that lets the state through."""
+    ahead = 1e-3 * REST * (task.end - task.start)
+    return event.value(t + ahead, y + ahead * task.rate(t, y)) - event.value(t, y)
 
 
 def fire(task: Task, trace: Trace, events: Sequence[Event], t: float, y: Floats) -> tuple[Floats, bool, bool]:
@@ -390,6 +415,8 @@ def _task(
         raise ValueError(f"y0 must be finite, got {_validate.shown(y0)}")
     if isinstance(memory, (int, np.integer)):
         memory = [int(memory)]
+    if isinstance(memory, str) or not np.iterable(memory):
+        raise TypeError(f"memory must be a list of component numbers, got {_validate.shown(memory)}")
     indices = [_validate.integer("memory", index, 0, len(state) - 1) for index in memory]
     if len(set(indices)) != len(indices):
         raise ValueError(f"memory must name each component once, got {indices}")
@@ -407,6 +434,8 @@ def _task(
         raise ValueError(f"initial_slip must hold {len(indices)} finite numbers, one per component in memory, got {_validate.shown(initial_slip)}")
     if not isinstance(args, tuple):
         raise TypeError(f"args must be a tuple, got {_validate.shown(args)}")
+    if not (events is None or callable(events) or np.iterable(events)):
+        raise TypeError(f"events must be a callable event(t, y) or a list of them, got {_validate.shown(events)}")
     functions = [] if events is None else [events] if callable(events) else list(events)
     listed = []
     for index, function in enumerate(functions):
@@ -415,7 +444,8 @@ def _task(
         jump = getattr(function, "jump", None)
         if jump is not None and not callable(jump):
             raise TypeError(f"jump of event {index} must be callable as jump(t, y), got {_validate.shown(jump)}")
-        listed.append(Event(function, args, index, bool(getattr(function, "terminal", False)), float(getattr(function, "direction", 0.0)), jump))
+        direction = _validate.number(f"direction of event {index}", getattr(function, "direction", 0.0))
+        listed.append(Event(function, args, index, bool(getattr(function, "terminal", False)), direction, jump))
     return Task(
         fun, args, start, end, state, np.array(indices, dtype=np.intp), np.broadcast_to(strength, (len(indices),)).astype(np.float64),
         kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1),
@@ -426,6 +456,7 @@ def _wanted(t_eval: ArrayLike | None, task: Task) -> Floats | None:
     if t_eval is None:
         return None
     times = _converted("t_eval", t_eval)
-    if times.ndim != 1 or (np.diff(times) < 0.0).any() or (len(times) and not (times[0] >= task.start and times[-1] <= task.end)):
+    rising = times.ndim == 1 and bool(np.isfinite(times).all()) and not (np.diff(times) < 0.0).any()
+    if not rising or (len(times) and not (times[0] >= task.start and times[-1] <= task.end)):
         raise ValueError(f"t_eval must be rising times within t_span ({task.start:g}, {task.end:g}), got {_validate.shown(t_eval)}")
     return times
