@@ -36,7 +36,12 @@ def compiled(factory: Callable[[str], Function], *, reassociate: bool = False) -
     `reassociate` lets the compiler reorder sums (never the meaning of NaN or infinity): for reductions only.
     """
     flags = {"reassoc", "contract", "nsz"} if reassociate else False
-    function: Any = numba.njit(cache=True, nogil=True, fastmath=flags, error_model="numpy")(factory(DIGEST))
+    options: dict[str, Any] = {"nogil": True, "fastmath": flags, "error_model": "numpy"}
+    function: Any
+    try:
+        function = numba.njit(cache=True, **options)(factory(DIGEST))
+    except RuntimeError:  # nowhere to write: neither beside the package nor in the user's cache
+        function = numba.njit(**options)(factory(DIGEST))
     return cast(Function, function)
 
 

@@ -97,7 +97,7 @@ def _make_run(digest: str) -> Callable[..., Any]:
                     else:
                         value = dot(fixed, slots - 1 - n, samples[c], 0, n + 1)
                         for i in range(len(terms[c])):
-                            terms[c, i] += dot(entry[i], 0, samples[c], 0, n + 1) - loss[i] * terms[c, i]
+                            terms[c, i] += dot(entry[i], 0, samples[c], 0, entry.shape[1]) - loss[i] * terms[c, i]
                             value += terms[c, i]
                     if step <= pending:
                         future[c, (node + step - 1) % ring] = 0.0
@@ -138,10 +138,24 @@ def _make_peek(digest: str) -> Callable[..., Any]:
             else:
                 value += dot(fixed, slots - 1 - n, samples[c], 0, n)
                 for i in range(terms.shape[1]):
-                    value += dot(entry[i], 0, samples[c], 0, n)
+                    value += dot(entry[i], 0, samples[c], 0, entry.shape[1])
             result[c] = value
 
     return peek
 
 
 peek = compiled(_make_peek)
+
+
+def _make_follow(digest: str) -> Callable[..., Any]:
+    def follow(terms, loss, gain, samples, history):  # type: ignore[no-untyped-def]
+        """Add the exponentials' part at every node to `history`; samples (nodes, components): those that enter there."""
+        digest  # noqa: B018
+        for c in range(len(terms)):
+            for step in range(len(samples)):
+                history[step, c] += advance(terms[c], loss, gain, samples[step, c])
+
+    return follow
+
+
+follow = compiled(_make_follow)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
-from basset.quadrature.base import TABLES, Rule, resolve, step_factor, table
+from basset.quadrature.base import TABLES, Rule, filtered_by, resolve, step_factor, table
+from basset.quadrature.cache import ByteCache
 
 if TYPE_CHECKING:
     from basset.streaming import Plan
 
 _BASSET = BassetKernel()
+PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 
 
 def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Any:
@@ -134,7 +135,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
             row = np.concatenate(weights.row(used))
             if input == "slip":
                 row[0] -= kernel.scaled(dt)._values(np.array([float(used)]))[0]
-            result[used + 1 :] = _valid_convolution(columns[1:], row)
+            result[used + 1 :] = filtered_by(row, columns[1:])
         result *= step_factor(dt, input)
         if jump is not None:
             lags = dt * np.arange(1, used + 1)
@@ -157,27 +158,18 @@ def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floa
     """H at every node by streaming: for rules whose far memory is a sum of exponentials."""
     if not np.isfinite(samples).all():
         _diagnose(samples, 0)
-    plan = _plan(rule, dt, max(1, len(samples) - 1), kernel)
-    state = plan.start(samples.shape[1:])
-    first = plan.run(state, samples[:1])
-    if jump is not None:
-        plan.jump(state, jump)
-    history = np.concatenate([first, plan.run(state, samples[1:])])
+    key = (rule, dt, max(1, len(samples) - 1), kernel)
+    plan = PLANS.get(key, lambda: rule.plan(dt, key[2] * dt, kernel))
+    PLANS.trim()
+    columns = samples.reshape(len(samples), -1)
+    with np.errstate(all="ignore"):
+        history = plan.trajectory(columns)
+        if jump is not None:
+            history[1:] += plan.kernel_used(len(samples) - 1)[:, None] * jump.ravel()
+    history = history.reshape(samples.shape)
     if not np.isfinite(history).all():
         _diagnose(samples, 0)
     return history
-
-
-@lru_cache(maxsize=16)
-def _plan(rule: Rule, dt: float, steps: int, kernel: Kernel) -> Plan:
-    return rule.plan(dt, steps * dt, kernel)
-
-
-def _valid_convolution(columns: Floats, row: Floats) -> Floats:
-    """Σ row·columns over every full window; `row` oldest first."""
-    from scipy.signal import oaconvolve
-
-    return np.asarray(oaconvolve(columns, row[::-1, None], mode="valid", axes=0))
 
 
 def _checked(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LONGEST = 100_000_000  # steps of whole history: some gigabytes
+LONG_WINDOW = 256  # from here on a whole path is convolved by FFT
 
 
 class State(NamedTuple):
@@ -85,6 +86,8 @@ class Plan:
         self.steps: int | None = steps
         self._window: int | None = window
         if window is not None:
+            if window > LONGEST:
+                raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {self.dt:g} seconds in a stream, got {window:g} steps")
             tail = rule._tail(self.dt, steps * self.dt, kernel)
             if tail is None or steps > self._lags(window):
                 self.tail_sum = tail
@@ -118,7 +121,7 @@ class Plan:
             entry: Floats = np.empty((0, 0))
         elif self.tail_sum is None:
             slots, steady, ring = self._window + 1, self._window, self._window + 1
-            fixed, entry = root * np.concatenate(weights.row(self._window)), np.empty((0, steady + 1))
+            fixed, entry = root * np.concatenate(weights.row(self._window)), np.empty((0, 0))
         else:
             slots, ring = self._lags(self._window) + 1, self._window + 1
             steady, fixed, entry = self._split_tail(slots - 1)
@@ -167,7 +170,8 @@ class Plan:
             panel = amplitude[:, None] * np.exp(-rates * k)[:, None] * moments[k - first]
             entry[:, first : first + degree + 1] += panel
         entry[:, start : start + degree] -= quotient[:, :degree]
-        return steady, root * local[::-1], root * entry[:, ::-1]
+        newest = min(start, steady - degree)  # the smallest lag that is touched
+        return steady, root * local[::-1], root * entry[:, : newest - 1 : -1]
 
     @staticmethod
     def window_weights(base: Daitche, unit: Kernel, window: int, lags: int) -> Floats:
@@ -188,6 +192,11 @@ class Plan:
             local[whole:] = edge[whole:]
             return local
         return edge
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the plan holds, states apart."""
+        return sum(array.nbytes for array in self._arrays)
 
     # ------------------------------------------------------------------------------------------------ the stream
 
@@ -287,13 +296,11 @@ class Plan:
         """The factor of the next sample in H at the next node, s^(1/2)."""
         self._room(state)
         n = int(state.counters[0])
-        short, _, interior, fixed, _, _, entry = self._arrays
+        short, _, interior, fixed, _, _, _ = self._arrays
         if n == 0:
             return 0.0
-        if n > self._steady:
+        if n >= self._steady:
             return float(fixed[-1])
-        if n == self._steady:
-            return float(fixed[-1] + entry[:, -1].sum())
         if n < len(short):
             return float(short[n, n])
         return float(interior[-1])
@@ -451,7 +458,7 @@ class Plan:
         future = np.zeros((len(old), ahead))
         for q, x in enumerate(x_w[0]):
             values = self._excess(shift + x + np.arange(ahead + panels + 1.0))
-            if panels * ahead <= 1 << 12:
+            if panels <= 64 or panels * ahead <= 1 << 12:
                 for m in range(panels):
                     future += weighted[:, m, q, None] * values[m + 1 : m + 1 + ahead]
             elif ahead and panels:
@@ -485,6 +492,33 @@ class Plan:
         state.samples[:, 0 :: self._slots] = g[:, None]
         state.counters[0] = 1.0
 
+    # ------------------------------------------------------------------------------------------------ as a whole
+    def trajectory(self, rates: Floats) -> Floats:
+        """H at every node of one stretch for rates (nodes, components): `run` in O(n log n), by FFT where the window is long."""
+        from basset import _stream
+        from basset.quadrature.base import filtered_by
+
+        count = len(rates)
+        if self.tail_sum is None or self._steady < LONG_WINDOW or count <= self._steady:
+            return self.run(self.start((rates.shape[1],)), rates)
+        steady, root = self._steady, math.sqrt(self.dt)  # here steady = lags − 1: only lag `lags` is missing at node steady
+        _, _, _, fixed, loss, gains, entry = self._arrays
+        result = np.empty_like(rates)
+        result[:steady] = root * table(self._base, self._unit, "rate").trajectory(rates[:steady])
+        result[steady:] = filtered_by(fixed, np.concatenate([np.zeros((1, rates.shape[1])), rates]))
+        terms = np.ascontiguousarray((entry @ rates[: entry.shape[1]]).T)
+        result[steady] += terms.sum(axis=1)
+        _stream.follow(terms, loss, gains, np.ascontiguousarray(rates[: count - steady - 1]), result[steady + 1 :])
+        return result
+
+    def kernel_used(self, count: int) -> Floats:
+        """The kernel that the stream applies, at lags dt … count·dt (count,): with the sum, or 0, beyond the window."""
+        lags = np.arange(1.0, count + 1.0)
+        result = self._excess(lags)
+        for weight, rate in zip(self._tail_weights, self._rates, strict=True):
+            result += weight * np.exp(-rate * lags)
+        return np.asarray(result / math.sqrt(self.dt))
+
     # ------------------------------------------------------------------------------------------------ as weights
 
     def weights(self, n: int) -> Array:
@@ -502,8 +536,8 @@ class Plan:
             lags = self._slots - 1
             held = min(n, lags) + 1
             result[:held] = fixed[::-1][:held]
-            first = (np.exp(-self._rates * (n - self._steady)) @ entry)[::-1]  # samples steady … 0
-            result[n - self._steady :] += first
+            first = (np.exp(-self._rates * (n - self._steady)) @ entry)[::-1]  # the oldest samples
+            result[n + 1 - len(first) :] += first
             ages = np.arange(n - self._steady)  # what entered since, through the gains
             for low in range(0, len(ages), 4096):
                 part = ages[low : low + 4096]

@@ -301,6 +301,13 @@ class WeightTable:
             return self._spectrum[2]
 
 
+def filtered_by(row: Floats, columns: Floats) -> Floats:
+    """Σ row·columns over every full window of columns (nodes, k), by FFT; `row` oldest first, as the nodes."""
+    from scipy.signal import oaconvolve  # takes half a second to import
+
+    return np.asarray(oaconvolve(columns, row[::-1, None], mode="valid", axes=0))
+
+
 TABLES: ByteCache[WeightTable] = ByteCache(limit=256 << 20)
 
 
