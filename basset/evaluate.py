@@ -210,10 +210,10 @@ def _initial_slip(value: ArrayLike, samples: Floats, input: str) -> Floats | Non
     return np.broadcast_to(slip, samples.shape[1:])
 
 
-def _diagnose(samples: Floats, offset: int) -> None:
+def _diagnose(samples: Floats, offset: int, name: str = "g") -> None:
     """Say why the result is not finite; only called when it is not."""
     rows = np.flatnonzero(~np.isfinite(samples.reshape(len(samples), -1)).all(axis=1))
     if len(rows):
         bad = samples.reshape(len(samples), -1)[rows[0]]
-        raise ValueError(f"g must be finite, got {bad[~np.isfinite(bad)][0]} in sample {rows[0] + offset} (and {len(rows) - 1} other samples)")
-    raise ValueError(f"g must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")
+        raise ValueError(f"{name} must be finite, got {bad[~np.isfinite(bad)][0]} in sample {rows[0] + offset} (and {len(rows) - 1} other samples)")
+    raise ValueError(f"{name} must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")

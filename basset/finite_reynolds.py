@@ -339,7 +339,13 @@ class ClockPlan(VaryingPlan):
         self._span = np.log(np.array([low, high]))
         unit = _unit_kernel(1.0, kernel.c1)  # K = k: x counts its time
         near, far = self._window * low ** (2.0 / 3.0), max(self.steps, 2 * self._window) * high ** (2.0 / 3.0)
-        self.tail_sum = ExponentialSum.fit(near / unit.steepness ** (2.0 / 3.0), far / unit.steepness ** (2.0 / 3.0), rule.rtol, unit)
+        try:
+            self.tail_sum = ExponentialSum.fit(near / unit.steepness ** (2.0 / 3.0), far / unit.steepness ** (2.0 / 3.0), rule.rtol, unit)
+        except ValueError:
+            raise ValueError(
+                f"slip_range must suit rtol = {rule.rtol:g} and {self.steps} steps of {self.dt:g} s (sums reach from x = C^(2/3) s = 1e-12 to 1e6 over "
+                f"12 decades), got {kernel.slip_range} m/s: x from {near:.2g} to {far:.2g}"
+            ) from None
         self._rows = self._local_series(rule.rtol)
         u = np.linspace(0.0, 1.0, degree + 1)
         powers = np.linalg.inv(np.vander(u, increasing=True))

@@ -264,7 +264,7 @@ class Plan:
             )
         rates = np.ascontiguousarray(rates).reshape(steps, state.history.size)
         if not np.isfinite(rates).all():
-            _diagnose(rates, 0)
+            _diagnose(rates, 0, "G")
         history = np.empty_like(rates)
         arrays = (state.samples, state.terms, state.future, count, node, pending, rates, history, self._slots)
         short, oldest, interior, fixed, loss, gains, entry = self._arrays

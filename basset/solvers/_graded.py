@@ -125,6 +125,20 @@ def moments(stages: Stages, rates: Floats, h: float, theta: float, singular: boo
     return np.asarray(np.einsum("tq,tqj->tj", factor, basis))
 
 
+@lru_cache(maxsize=512)
+def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, singular: bool) -> tuple[Floats, ...]:
+    """What the loop needs for one step size: past, decay, moments, local; for a singular step also kernel, between_…."""
+    stages, scaled, root = stages_of(count), kernel.scaled(h), math.sqrt(h)
+    past = tail.weights * np.exp(-np.outer(stages.c * h, tail.rates))
+    decay, gained = np.exp(-tail.rates * h), moments(stages, tail.rates, h, 1.0, singular)
+    if not singular:
+        return past, decay, gained, root * local_history(count, scaled)[0]
+    places = stages.between**2
+    between = tail.weights * np.exp(-np.outer(places * h, tail.rates))
+    values = kernel._values(stages.c * h), kernel._values(places * h)
+    return past, decay, gained, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
+
+
 class Integration:
     """One integration: the tables and events around the inner loop."""
 
@@ -186,16 +200,10 @@ class Integration:
         tables.sizes[slot] = np.where(np.arange(2) == kind, h, np.where(tables.sizes[slot] == h, h, 0.0))
         if self.tail is None:
             return
-        decays = self.tail.weights * np.exp(-np.outer(self.stages.c * h, self.tail.rates))
-        tables.past[slot, kind], tables.decay[slot] = decays, np.exp(-self.tail.rates * h)
-        tables.moments[slot, kind] = moments(self.stages, self.tail.rates, h, 1.0, bool(kind))
-        scaled, root = kernel.scaled(h), math.sqrt(h)
-        tables.local[slot, kind] = local_history(self.count, scaled)[kind] * (1.0 / root if kind else root)
+        past, decay, gained, local, *singular = step_tables(self.count, self.tail, kernel, h, bool(kind))
+        tables.past[slot, kind], tables.decay[slot], tables.moments[slot, kind], tables.local[slot, kind] = past, decay, gained, local
         if kind:
-            places = self.stages.between**2
-            tables.kernel[slot], tables.between_kernel[slot] = kernel._values(self.stages.c * h), kernel._values(places * h)
-            tables.between_past[slot] = self.tail.weights * np.exp(-np.outer(places * h, self.tail.rates))
-            tables.between_local[slot] = history_between(self.count, scaled) / root
+            tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
 
     def run(self) -> None:
         """March to the end, or to what stops before."""

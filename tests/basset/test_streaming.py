@@ -256,7 +256,7 @@ class TestRefusalsLeaveTheStateAlone:
         plan.run(state, g)
         before = copied(state)
         g[30, 1] = bad
-        with pytest.raises(ValueError, match=r"g must be finite, got -?(nan|inf) in sample 30"):
+        with pytest.raises(ValueError, match=r"G must be finite, got -?(nan|inf) in sample 30"):
             plan.run(state, g)
         with pytest.raises(ValueError, match=r"g must be finite, got -?(nan|inf)"):
             plan.push(state, g[30])
