@@ -22,8 +22,8 @@ report-full: .venv/.ready .venv/.peers  ## the same with longer runs and the pee
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
-test: .venv/.ready
-	$(BIN)/python -m pytest
+test: .venv/.ready  ## on all cores
+	$(BIN)/python -m pytest -n auto
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

@@ -183,11 +183,14 @@ class FixedStep(_Grid):
     integrated exactly: an Adams–Moulton step, the history entering as tail + local·(newest rate). From degree 2 on the
     first nodes of every stretch are solved together with the full degree. On smooth problems the order is the rule's.
 
-    With `input="slip"` the equation is integrated once as Daitche (2013) does, y + c∫K y = …, the rule acting on slips.
+    With `input="slip"` the equation is integrated once as Daitche (2013) does, y + c∫K y = …, the rule acting on slips;
+    fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where
+    it holds a t^(3/2)).
 
     Daitche(1) is stable for any drag; degree 2 needs rate·dt < 6 and degree 3 < 3 (Adams–Moulton): take Collocation for
-    stiff drag. Events snap to the first node after the crossing: first order in dt, and less after the first jump. After a jump (and after an initial slip) the
-    solution goes as √t: the first steps lose the order, with rates to about h^(1/2), with slips to h^(3/2) at best.
+    stiff drag. Events snap to the first node after the crossing: first order in dt at best. After a jump, and after an
+    initial slip, the solution goes as √t: whatever the degree, the largest error over the path then falls as h^(1/2) with
+    rates and as h with slips; from rest as h^(3/2) and h².
 
     Parameters
     ----------
