@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from basset._compile import compiled
 
 TILE = 8  # components advanced together: one cache line of a block of samples
@@ -22,14 +24,11 @@ TILE = 8  # components advanced together: one cache line of a block of samples
 def _make_dot(digest: str) -> Callable[..., Any]:
     def dot(weights, first_weight, samples, first_sample, count):  # type: ignore[no-untyped-def]
         digest  # noqa: B018 - part of the cache key
+        # unsigned: a signed index may be negative, and the check for it keeps the loop from vectorising
+        start, other = np.uintp(first_weight), np.uintp(first_sample)
         total = 0.0
-        if count > 24:  # slices, free of index arithmetic, are summed with vector instructions; not worth making for a few
-            some, others = weights[first_weight : first_weight + count], samples[first_sample : first_sample + count]
-            for i in range(count):
-                total += some[i] * others[i]
-        else:
-            for i in range(count):
-                total += weights[first_weight + i] * samples[first_sample + i]
+        for i in range(np.uintp(count)):
+            total += weights[start + i] * samples[other + i]
         return total
 
     return dot
