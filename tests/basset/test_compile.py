@@ -127,8 +127,8 @@ class TestTheCacheOnDisk:
 
         source = copied_package / "basset" / "_stream.py"
         text = source.read_text()
-        assert text.count("total += weights[first_weight + i] * samples[first_sample + i]") == 1
-        source.write_text(text.replace("total += weights[first_weight + i]", "total += 3.0 * weights[first_weight + i]"))
+        assert text.count("total += weights[start + i] * samples[other + i]") == 1
+        source.write_text(text.replace("total += weights[start + i]", "total += 3.0 * weights[start + i]"))
         changed, hits, misses = play()
         assert changed == pytest.approx(3.0 * first, rel=1e-14)
         assert (hits, misses) == (0, 1)
