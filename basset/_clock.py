@@ -10,7 +10,7 @@ from basset._compile import compiled
 
 
 def _make_decayed_moments(digest: str) -> Callable[..., Any]:
-    def decayed_moments(z, result):  # type: ignore[no-untyped-def]
+    def decayed_moments(z, result):
         """∫_0^1 u^q e^(−zu) du, q = 0 … len(result)−1: the last by a positive series (or upwards for large z), the rest downwards."""
         digest  # noqa: B018 - part of the cache key
         last = len(result) - 1
@@ -38,7 +38,7 @@ decayed_moments = compiled(_make_decayed_moments)
 
 
 def _make_series(digest: str) -> Callable[..., Any]:
-    def series(coefficients, x):  # type: ignore[no-untyped-def]
+    def series(coefficients, x):
         """Chebyshev series at x in [−1, 1], by Clenshaw."""
         digest  # noqa: B018
         b1 = 0.0
@@ -54,7 +54,7 @@ series = compiled(_make_series)
 
 
 def _make_clock_run(digest: str) -> Callable[..., Any]:
-    def clock_run(  # type: ignore[no-untyped-def]
+    def clock_run(
         samples,
         terms,
         clocks,

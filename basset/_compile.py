@@ -69,8 +69,8 @@ def rate_function(function: Any, args: tuple[Any, ...], states: int) -> Any:
     """
     array = numba.carray  # type: ignore[attr-defined]  # numba exports it without saying so
 
-    def call(t, y, rates):  # type: ignore[no-untyped-def]
+    def call(t, y, rates):
         array(rates, (states,))[:] = function(t, array(y, (states,)), *args)
 
-    pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]  # numba is untyped here
+    pointer = numba.types.CPointer(numba.types.float64)
     return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer))(call)

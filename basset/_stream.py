@@ -22,7 +22,7 @@ TILE = 8  # components advanced together: one cache line of a block of samples
 
 
 def _make_dot(digest: str) -> Callable[..., Any]:
-    def dot(weights, first_weight, samples, first_sample, count):  # type: ignore[no-untyped-def]
+    def dot(weights, first_weight, samples, first_sample, count):
         digest  # noqa: B018 - part of the cache key
         # unsigned: a signed index may be negative, and the check for it keeps the loop from vectorising
         start, other = np.uintp(first_weight), np.uintp(first_sample)
@@ -38,7 +38,7 @@ dot = compiled(_make_dot, reassociate=True)
 
 
 def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(terms, loss, gain, sample):  # type: ignore[no-untyped-def]
+    def advance(terms, loss, gain, sample):
         digest  # noqa: B018
         total = 0.0
         for i in range(len(terms)):
@@ -54,7 +54,7 @@ advance = compiled(_make_advance, reassociate=True)
 
 
 def _make_row(digest: str) -> Callable[..., Any]:
-    def row(n, samples, short, oldest, interior):  # type: ignore[no-untyped-def]
+    def row(n, samples, short, oldest, interior):
         """Start-up: the whole-history row n over samples[0 … n]."""
         digest  # noqa: B018
         if n < len(short):
@@ -70,9 +70,7 @@ row = compiled(_make_row)
 
 
 def _make_run(digest: str) -> Callable[..., Any]:
-    def run(  # type: ignore[no-untyped-def]
-        samples, terms, future, count, node, pending, rates, history, slots, short, oldest, interior, steady, fixed, loss, gain, entry
-    ):
+    def run(samples, terms, future, count, node, pending, rates, history, slots, short, oldest, interior, steady, fixed, loss, gain, entry):
         """Advance every component by all rows of `rates` (steps, components); H into `history`, same shape."""
         digest  # noqa: B018
         steps, components = rates.shape
@@ -110,9 +108,7 @@ run = compiled(_make_run)
 
 
 def _make_peek(digest: str) -> Callable[..., Any]:
-    def peek(  # type: ignore[no-untyped-def]
-        samples, terms, future, n, node, pending, slots, short, oldest, interior, steady, fixed, loss, gain, entry, result
-    ):
+    def peek(samples, terms, future, n, node, pending, slots, short, oldest, interior, steady, fixed, loss, gain, entry, result):
         """H at the node after the newest for a next sample of zero, into `result` (components,); nothing is changed."""
         digest  # noqa: B018
         for c in range(len(samples)):
@@ -147,7 +143,7 @@ peek = compiled(_make_peek)
 
 
 def _make_follow(digest: str) -> Callable[..., Any]:
-    def follow(terms, loss, gain, samples, history):  # type: ignore[no-untyped-def]
+    def follow(terms, loss, gain, samples, history):
         """Add the exponentials' part at every node to `history`; samples (nodes, components): those that enter there."""
         digest  # noqa: B018
         for c in range(len(terms)):

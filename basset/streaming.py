@@ -431,7 +431,8 @@ class Plan:
         root, x_w = math.sqrt(self.dt), gauss_legendre(GAUSS)
         steady = self.tail_sum is not None and n >= self._steady
         if steady:  # from fixed weights and gains back to whole exponentials
-            start, degree = self._window - self._base.order // 2, self._base.order  # type: ignore[operator]
+            assert self._window is not None
+            start, degree = self._window - self._base.order // 2, self._base.order
             state.terms[...] += newest_first[:, start : start + degree] @ self._fixed_terms.T
         shift = 1 if lag > 0.0 and n > 0 else 0  # the newest sample belongs to what comes after the jump
         old = newest_first[:, shift:]

@@ -168,7 +168,15 @@ def windows(cosine: Record, saltation: Record) -> Any:
             for r in found if scheme == "window" else ():
                 if r["share"] in (0.01, 0.1, 0.5):
                     place = (100.0 * r[clock] / full[clock], r["error"])
-                    axes.annotate(f"window {100 * r['share']:g} %", place, xytext=(0, 6), textcoords="offset points", color=GREY, fontsize=8, ha="center")
+                    axes.annotate(
+                        f"window {100 * r['share']:g} %",
+                        place,
+                        xytext=(0, -15 if r["share"] == 0.1 else 6),
+                        textcoords="offset points",
+                        color=GREY,
+                        fontsize=8,
+                        ha="center",
+                    )
         axes.axvspan(10.0, 30.0, color="#eeeeee", zorder=0)
         axes.annotate("the thesis's\n70–90 % saved", (17.3, 3e-4), ha="center", color="#666666", fontsize=9)
         axes.set(title=title, xlabel="time of all steps (% of the full history's)", ylim=(1e-12, 4))

@@ -90,7 +90,7 @@ class Record(NamedTuple):
 
 
 def _make_assemble(digest: str) -> Callable[..., Any]:
-    def assemble(problem, nodes, tables, state, h, slot, kind):  # type: ignore[no-untyped-def]
+    def assemble(problem, nodes, tables, state, h, slot, kind):
         """(inverse, lead, carry, force): Newton's matrix, from the unknowns to y' and to y − y_n, and c·(memory before the step)."""
         digest  # noqa: B018 - part of the cache key
         count, n, m = len(nodes.c), len(state.y), len(problem.where)
@@ -130,7 +130,7 @@ assemble = compiled(_make_assemble)
 
 
 def _make_correct(digest: str) -> Callable[..., Any]:
-    def correct(problem, local, state, inverse, lead, carry, force, rates, states, unknown):  # type: ignore[no-untyped-def]
+    def correct(problem, local, state, inverse, lead, carry, force, rates, states, unknown):
         """One Newton correction of `unknown` and `states`, in place: (its size, rounding) over the tolerance."""
         digest  # noqa: B018
         count, n = states.shape
@@ -163,7 +163,7 @@ correct = compiled(_make_correct)
 
 
 def _make_decay(digest: str) -> Callable[..., Any]:
-    def decay_error(problem, nodes, state, h, values):  # type: ignore[no-untyped-def]
+    def decay_error(problem, nodes, state, h, values):
         """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
         digest  # noqa: B018
         count, n = values.shape
@@ -201,7 +201,7 @@ decay_error = compiled(_make_decay)
 
 
 def _make_between(digest: str) -> Callable[..., Any]:
-    def states_between(nodes, state, values):  # type: ignore[no-untyped-def]
+    def states_between(nodes, state, values):
         """States of a singular step halfway between its nodes in σ, where its defect is largest: (place, n)."""
         digest  # noqa: B018
         return np.dot(nodes.between_values, values) + state.y
@@ -213,7 +213,7 @@ states_between = compiled(_make_between)
 
 
 def _make_defect(digest: str) -> Callable[..., Any]:
-    def defect_error(problem, nodes, tables, state, h, slot, values, rates):  # type: ignore[no-untyped-def]
+    def defect_error(problem, nodes, tables, state, h, slot, values, rates):
         """∫ |y' − fun + c·H| over a singular step, over the tolerance."""
         digest  # noqa: B018
         count, n = values.shape
@@ -244,7 +244,7 @@ defect_error = compiled(_make_defect)
 
 
 def _make_choose(digest: str) -> Callable[..., Any]:
-    def choose(problem, tables, state):  # type: ignore[no-untyped-def]
+    def choose(problem, tables, state):
         """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
         digest  # noqa: B018
         numbers, odd = state.numbers, len(tables.sizes) - 1
@@ -271,7 +271,7 @@ choose = compiled(_make_choose)
 
 
 def _make_next_step(digest: str) -> Callable[..., Any]:
-    def next_step(problem, numbers, h, count):  # type: ignore[no-untyped-def]
+    def next_step(problem, numbers, h, count):
         """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
         digest  # noqa: B018
         size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
@@ -284,7 +284,7 @@ next_step = compiled(_make_next_step)
 
 
 def _make_accept(digest: str) -> Callable[..., Any]:
-    def accept(problem, nodes, tables, state, values, record, done):  # type: ignore[no-untyped-def]
+    def accept(problem, nodes, tables, state, values, record, done):
         """Take the step that was found: record it, move state and memory, choose the next size."""
         digest  # noqa: B018
         numbers, count, n = state.numbers, len(values), len(state.y)
@@ -326,7 +326,7 @@ def _make_accept(digest: str) -> Callable[..., Any]:
 accept = compiled(_make_accept)
 
 
-def evaluate(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
+def evaluate(fun, state, times, states, rates):
     """`fun` at every row of `states`; whether all is finite."""
     for i in range(len(times)):
         rates[i] = fun(times[i], states[i])
@@ -334,8 +334,8 @@ def evaluate(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
 
 
 @overloads(evaluate)
-def _evaluate_compiled(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
-    def evaluate(fun, state, times, states, rates):  # type: ignore[no-untyped-def]
+def _evaluate_compiled(fun, state, times, states, rates):
+    def evaluate(fun, state, times, states, rates):
         for i in range(len(times)):
             fun(times[i], states[i].ctypes, rates[i].ctypes)
         return checked(state, times, rates)
@@ -344,7 +344,7 @@ def _evaluate_compiled(fun, state, times, states, rates):  # type: ignore[no-unt
 
 
 @shared
-def checked(state, times, rates):  # type: ignore[no-untyped-def]
+def checked(state, times, rates):
     """Count the calls; where they are not finite, note when and in which component."""
     state.numbers[CALLS] += len(times)
     for i in range(len(times)):
@@ -356,7 +356,7 @@ def checked(state, times, rates):  # type: ignore[no-untyped-def]
 
 
 @shared
-def newton(fun, problem, nodes, tables, state, values, rates):  # type: ignore[no-untyped-def]
+def newton(fun, problem, nodes, tables, state, values, rates):
     """Solve the stages into `values`: iterations, negative if it failed, 0 if fun was not finite."""
     h, slot, kind = state.numbers[STEP], int(state.numbers[SLOT]), int(state.numbers[SINGULAR])
     inverse, lead, carry, force = assemble(problem, nodes, tables, state, h, slot, kind)
@@ -380,7 +380,7 @@ def newton(fun, problem, nodes, tables, state, values, rates):  # type: ignore[n
 
 
 @shared
-def differentiate(fun, problem, state):  # type: ignore[no-untyped-def]
+def differentiate(fun, problem, state):
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
     n, t = len(state.y), state.numbers[TIME]
     states, rates = np.zeros((n + 1, n)), np.zeros((n + 1, n))
@@ -396,7 +396,7 @@ def differentiate(fun, problem, state):  # type: ignore[no-untyped-def]
 
 
 @shared
-def attempt(fun, problem, nodes, tables, state, values):  # type: ignore[no-untyped-def]
+def attempt(fun, problem, nodes, tables, state, values):
     """Find the next step that keeps the tolerance: node values into `values`, its size in numbers[STEP]; ACCEPTED or why not."""
     numbers, count = state.numbers, len(nodes.c)
     rates = np.zeros_like(values)
@@ -434,7 +434,7 @@ def attempt(fun, problem, nodes, tables, state, values):  # type: ignore[no-unty
 
 
 def _make_attempt(digest: str) -> Callable[..., Any]:
-    def compiled_attempt(fun, problem, nodes, tables, state, values):  # type: ignore[no-untyped-def]
+    def compiled_attempt(fun, problem, nodes, tables, state, values):
         digest  # noqa: B018
         return attempt(fun, problem, nodes, tables, state, values)
 
@@ -442,7 +442,7 @@ def _make_attempt(digest: str) -> Callable[..., Any]:
 
 
 def _make_march(digest: str) -> Callable[..., Any]:
-    def march(fun, problem, nodes, tables, state, values, record):  # type: ignore[no-untyped-def]
+    def march(fun, problem, nodes, tables, state, values, record):
         """Take steps until something needs the caller; (code, steps recorded)."""
         digest  # noqa: B018
         done = 0
