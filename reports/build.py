@@ -8,6 +8,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
+import click
 import matplotlib as mpl
 
 from reports import analysis, figures, memory, solver
@@ -293,8 +294,9 @@ def front(data: dict[str, Record]) -> str:
     )
 
 
+@click.command()
 def main() -> None:
-    """Build every page."""
+    """Build every page from the JSON in reports/data."""
     data = load(HERE / "data")
     with mpl.rc_context(figures.LOOK):
         pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data), "README.md": front(data)}
