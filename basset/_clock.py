@@ -40,7 +40,7 @@ decayed_moments = compiled(_make_decayed_moments)
 def _make_series(digest: str) -> Callable[..., Any]:
     def series(coefficients, x):
         """Chebyshev series at x in [−1, 1], by Clenshaw."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         b1 = 0.0
         b2 = 0.0
         for k in range(len(coefficients) - 1, 0, -1):
@@ -82,7 +82,7 @@ def _make_clock_run(digest: str) -> Callable[..., Any]:
         are the local weights as Chebyshev series in ln C' over `span`; row n belongs to start-up node first_row + n, the last to
         the steady form. `monomials` (degree, degree+1, degree+1) turns a stencil into powers of u on its panel.
         """
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         steps, components = rates.shape
         lags = samples.shape[1] - 1
         moments = [0.0] * (degree + 1)

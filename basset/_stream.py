@@ -39,7 +39,7 @@ dot = compiled(_make_dot, reassociate=True)
 
 def _make_advance(digest: str) -> Callable[..., Any]:
     def advance(terms, loss, gain, sample):
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         total = 0.0
         for i in range(len(terms)):
             term = terms[i] + (gain[i] * sample - loss[i] * terms[i])
@@ -56,7 +56,7 @@ advance = compiled(_make_advance, reassociate=True)
 def _make_row(digest: str) -> Callable[..., Any]:
     def row(n, samples, short, oldest, interior):
         """Start-up: the whole-history row n over samples[0 … n]."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         if n < len(short):
             return dot(short[n], 0, samples, 0, n + 1)
         reach = oldest.shape[1]
@@ -72,7 +72,7 @@ row = compiled(_make_row)
 def _make_run(digest: str) -> Callable[..., Any]:
     def run(samples, terms, future, count, node, pending, rates, history, slots, short, oldest, interior, steady, fixed, loss, gain, entry):
         """Advance every component by all rows of `rates` (steps, components); H into `history`, same shape."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         steps, components = rates.shape
         mirrored = samples.shape[1] > slots
         ring = future.shape[1]
@@ -110,7 +110,7 @@ run = compiled(_make_run)
 def _make_peek(digest: str) -> Callable[..., Any]:
     def peek(samples, terms, future, n, node, pending, slots, short, oldest, interior, steady, fixed, loss, gain, entry, result):
         """H at the node after the newest for a next sample of zero, into `result` (components,); nothing is changed."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         for c in range(len(samples)):
             value = 0.0
             if pending > 0:
@@ -145,7 +145,7 @@ peek = compiled(_make_peek)
 def _make_follow(digest: str) -> Callable[..., Any]:
     def follow(terms, loss, gain, samples, history):
         """Add the exponentials' part at every node to `history`; samples (nodes, components): those that enter there."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         for c in range(len(terms)):
             for step in range(len(samples)):
                 history[step, c] += advance(terms[c], loss, gain, samples[step, c])

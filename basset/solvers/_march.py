@@ -132,7 +132,7 @@ assemble = compiled(_make_assemble)
 def _make_correct(digest: str) -> Callable[..., Any]:
     def correct(problem, local, state, inverse, lead, carry, force, rates, states, unknown):
         """One Newton correction of `unknown` and `states`, in place: (its size, rounding) over the tolerance."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         count, n = states.shape
         residual = force - rates
         for i in range(count):
@@ -165,7 +165,7 @@ correct = compiled(_make_correct)
 def _make_decay(digest: str) -> Callable[..., Any]:
     def decay_error(problem, nodes, state, h, values):
         """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         count, n = values.shape
         worst = 0.0
         coefficients = np.zeros(count)
@@ -203,7 +203,7 @@ decay_error = compiled(_make_decay)
 def _make_between(digest: str) -> Callable[..., Any]:
     def states_between(nodes, state, values):
         """States of a singular step halfway between its nodes in σ, where its defect is largest: (place, n)."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         return np.dot(nodes.between_values, values) + state.y
 
     return states_between
@@ -215,7 +215,7 @@ states_between = compiled(_make_between)
 def _make_defect(digest: str) -> Callable[..., Any]:
     def defect_error(problem, nodes, tables, state, h, slot, values, rates):
         """∫ |y' − fun + c·H| over a singular step, over the tolerance."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         count, n = values.shape
         defect = np.dot(nodes.between_slopes, values)
         for i in range(count):
@@ -246,7 +246,7 @@ defect_error = compiled(_make_defect)
 def _make_choose(digest: str) -> Callable[..., Any]:
     def choose(problem, tables, state):
         """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         numbers, odd = state.numbers, len(tables.sizes) - 1
         left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
         if left <= 0.0:
@@ -273,7 +273,7 @@ choose = compiled(_make_choose)
 def _make_next_step(digest: str) -> Callable[..., Any]:
     def next_step(problem, numbers, h, count):
         """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
         return min(size, 2.0 * (numbers[TIME] - numbers[JUMPED])) if len(problem.where) > 0 else size
 
@@ -286,7 +286,7 @@ next_step = compiled(_make_next_step)
 def _make_accept(digest: str) -> Callable[..., Any]:
     def accept(problem, nodes, tables, state, values, record, done):
         """Take the step that was found: record it, move state and memory, choose the next size."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         numbers, count, n = state.numbers, len(values), len(state.y)
         h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
         record.start[done], record.size[done], record.kind[done] = numbers[TIME], h, kind
@@ -435,7 +435,7 @@ def attempt(fun, problem, nodes, tables, state, values):
 
 def _make_attempt(digest: str) -> Callable[..., Any]:
     def compiled_attempt(fun, problem, nodes, tables, state, values):
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         return attempt(fun, problem, nodes, tables, state, values)
 
     return compiled_attempt
@@ -444,7 +444,7 @@ def _make_attempt(digest: str) -> Callable[..., Any]:
 def _make_march(digest: str) -> Callable[..., Any]:
     def march(fun, problem, nodes, tables, state, values, record):
         """Take steps until something needs the caller; (code, steps recorded)."""
-        digest  # noqa: B018
+        digest  # noqa: B018 - part of the cache key
         done = 0
         while done < len(record.start):
             code = attempt(fun, problem, nodes, tables, state, values)

@@ -100,7 +100,7 @@ def test_nan_is_a_status_and_a_wrong_shape_an_error():
 
     r = basset.solve(made(breaks), (0.0, 2.0), [1.0, 2.0], memory=[])
     assert r.status == -1
-    assert "not finite" in r.message or "gave" in r.message or "step size" in r.message
+    assert "component 0" in r.message
     with pytest.raises(ValueError, match="fun must return 2 rates"):
         basset.solve(made(short), (0.0, 2.0), [1.0, 2.0])
 
