@@ -182,7 +182,7 @@ def windows(cosine: Record, saltation: Record) -> Any:
         axes.set(title=title, xlabel="time of all steps (% of the full history's)", ylim=(1e-12, 4))
         axes.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
         axes.minorticks_off()
-    _slope(panels[0], 1.0, 8e-2, 8.0, -0.5, "window$^{-1/2}$", "right")
+    _slope(panels[0], 1.0, 1.5e-2, 8.0, -0.5, "window$^{-1/2}$", "right")
     figure.suptitle("Dropping what lies beyond a window buys time with the first digit; a fitted tail costs hardly more and keeps six")
     _legend(figure, panels[0], 4)
     return figure
