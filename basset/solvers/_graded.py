@@ -132,11 +132,11 @@ def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, sing
     past = tail.weights * np.exp(-np.outer(stages.c * h, tail.rates))
     decay, gained = np.exp(-tail.rates * h), moments(stages, tail.rates, h, 1.0, singular)
     if not singular:
-        return past, decay, gained, root * local_history(count, scaled)[0]
+        return past, decay, gained.T, root * local_history(count, scaled)[0]
     places = stages.between**2
     between = tail.weights * np.exp(-np.outer(places * h, tail.rates))
     values = kernel._values(stages.c * h), kernel._values(places * h)
-    return past, decay, gained, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
+    return past, decay, gained.T, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
 
 
 class Integration:
@@ -164,7 +164,7 @@ class Integration:
         numbers[_march.TIME] = numbers[_march.JUMPED] = task.start
         numbers[_march.STEP] = numbers[_march.FIRST] = min(limit, span / 64.0)
         numbers[_march.SINGULAR] = float(self.remembers)
-        self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((0, m)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+        self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
         fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
         self._prepare(any(event.jump is not None for event in task.events) or fading > 1e5)
 
@@ -176,10 +176,10 @@ class Integration:
         self.tail = self._sum(near * self.problem.span) if self.remembers else None
         count, terms = self.count, len(self.tail) if self.tail else 0
         rungs = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2
-        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, terms, count), (2, count, count), (count,)]
+        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, count, terms), (2, count, count), (count,)]
         shapes += [(count, terms), (count, count), (count,)]
         self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
-        self.state = self.state._replace(past=np.zeros((terms, len(self.problem.where))))
+        self.state = self.state._replace(past=np.zeros((len(self.problem.where), terms)))
 
     def _sum(self, near: float) -> ExponentialSum:
         """The kernel's sum, to a tenth of rtol or the best there is."""
@@ -312,15 +312,15 @@ class Integration:
         state, numbers, h = self.state, self.state.numbers, piece.length
         if self.tail is not None and theta > 0.0:
             if singular:
-                state.past[...] += state.jump
+                state.past[...] += state.jump[:, None]
                 state.jump[:] = 0.0
             if theta == 1.0:
                 slot = int(numbers[_march.SLOT])
-                decay, gained = self.tables.decay[slot], self.tables.moments[slot, int(singular)]
+                decay, gained = self.tables.decay[slot], self.tables.moments[slot, int(singular)].T
             else:
                 decay = np.exp(-self.tail.rates * h * theta)
                 gained = moments(self.stages, self.tail.rates, h, theta, singular)
-            state.past[...] = decay[:, None] * state.past + gained @ values[:, self.problem.where]
+            state.past[...] = decay * state.past + (gained @ values[:, self.problem.where]).T
         state.y[:] = piece.values(np.array([theta]))[0]
         end = piece.start + h * theta
         if theta == 1.0 and abs(self.task.end - end) <= 1e-12 * self.problem.span:

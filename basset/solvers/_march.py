@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import compiled, overloads, shared
+from basset._stream import dot
 from basset.kernels import Floats
 
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE = range(7)
@@ -58,7 +59,7 @@ class Tables(NamedTuple):
     sizes: Floats  # (rung, kind): the step size it was made for, 0 for none
     past: Floats  # (rung, kind, stage, term)
     decay: Floats  # (rung, term)
-    moments: Floats  # (rung, kind, term, node)
+    moments: Floats  # (rung, kind, node, term)
     local: Floats  # (rung, kind, stage, node)
     kernel: Floats  # (rung, stage)
     between_past: Floats  # (rung, place, term)
@@ -67,7 +68,7 @@ class Tables(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes: states and their rates at the end of the step before (n,), exponentials (terms, memory), newest jump
+    """What changes: states and their rates at the end of the step before (n,), exponentials (memory, terms), newest jump
     (memory,), Jacobian (n, n), and numbers.
     """
 
@@ -115,9 +116,7 @@ def _make_assemble(digest: str) -> Callable[..., Any]:
         force = np.zeros((count, n))
         for i in range(count):
             for a in range(m):
-                memory = 0.0
-                for q in range(len(state.past)):
-                    memory += tables.past[slot, kind, i, q] * state.past[q, a]
+                memory = dot(tables.past[slot, kind, i], 0, state.past[a], 0, state.past.shape[1])
                 if kind == 1:
                     memory += tables.kernel[slot, i] * state.jump[a]
                 force[i, problem.where[a]] = problem.strength[a] * memory
@@ -167,29 +166,30 @@ def _make_decay(digest: str) -> Callable[..., Any]:
         """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
         digest  # noqa: B018 - part of the cache key
         count, n = values.shape
-        worst = 0.0
-        coefficients = np.zeros(count)
+        worst, atol, rtol = 0.0, problem.atol, problem.rtol
+        # arrays out of the tuples once: each look costs two reference counts
+        y, rate, regular, weights, at_start = state.y, state.rate, nodes.regular, nodes.integral[count - 1], nodes.at_start
+        smooth, first = state.numbers[SMOOTH] == 1.0, nodes.c[0]
         for a in range(n):
-            end = state.y[a]
+            end, oldest, older, before, last = 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(count):
-                coefficients[i] = 0.0
-                end += h * nodes.integral[count - 1, i] * values[i, a]
+                end += weights[i] * values[i, a]
+                coefficient = 0.0
                 for k in range(count):
-                    coefficients[i] += h * nodes.regular[i, k] * values[k, a]
-                coefficients[i] = abs(coefficients[i])
-            last, before = coefficients[count - 1], coefficients[count - 2]
+                    coefficient += regular[i, k] * values[k, a]
+                oldest, older, before, last = older, before, last, h * abs(coefficient)
+            end = y[a] + h * end
             if count == 2:
                 decay = min(1.0, last / max(before, 1e-300))
             else:  # parity may hide one coefficient: compare pairs
-                older = max(1e-300, coefficients[count - 3], coefficients[max(0, count - 4)])
-                decay = math.sqrt(min(1.0, max(last, before) / older))
+                decay = math.sqrt(min(1.0, max(last, before) / max(1e-300, older, oldest)))
             tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
-            if state.numbers[SMOOTH] == 1.0:  # nobody looks between the step's start and its first node: y' must go on from before
-                kink = -state.rate[a]
+            if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
+                kink = -rate[a]
                 for k in range(count):
-                    kink += nodes.at_start[k] * values[k, a]
-                tail = max(tail, h * nodes.c[0] * abs(kink))
-            error = tail / (problem.atol + problem.rtol * max(abs(state.y[a]), abs(end)))
+                    kink += at_start[k] * values[k, a]
+                tail = max(tail, h * first * abs(kink))
+            error = tail / (atol + rtol * max(abs(y[a]), abs(end)))
             if not error <= worst:
                 worst = error
         return worst
@@ -197,42 +197,50 @@ def _make_decay(digest: str) -> Callable[..., Any]:
     return decay_error
 
 
-decay_error = compiled(_make_decay)
+decay_error = compiled(_make_decay, allocates=False)
 
 
 def _make_between(digest: str) -> Callable[..., Any]:
-    def states_between(nodes, state, values):
-        """States of a singular step halfway between its nodes in σ, where its defect is largest: (place, n)."""
+    def states_between(nodes, state, values, states):
+        """States of a singular step halfway between its nodes in σ, where its defect is largest, into `states` (place, n)."""
         digest  # noqa: B018 - part of the cache key
-        return np.dot(nodes.between_values, values) + state.y
+        y, basis = state.y, nodes.between_values
+        for i in range(len(values)):
+            for a in range(len(y)):
+                states[i, a] = y[a]
+                for k in range(len(values)):
+                    states[i, a] += basis[i, k] * values[k, a]
 
     return states_between
 
 
-states_between = compiled(_make_between)
+states_between = compiled(_make_between, allocates=False)
 
 
 def _make_defect(digest: str) -> Callable[..., Any]:
     def defect_error(problem, nodes, tables, state, h, slot, values, rates):
-        """∫ |y' − fun + c·H| over a singular step, over the tolerance."""
+        """∫ |y' − fun + c·H| over a singular step, over the tolerance; `rates` are used up."""
         digest  # noqa: B018 - part of the cache key
         count, n = values.shape
-        defect = np.dot(nodes.between_slopes, values)
+        where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
+        kernel, local, before, slopes, y = tables.between_kernel[slot], tables.between_local[slot], tables.between_past[slot], nodes.between_slopes, state.y
         for i in range(count):
-            defect[i] = defect[i] / (2.0 * h * nodes.between[i]) - rates[i]
-            for a in range(len(problem.where)):
-                memory = tables.between_kernel[slot, i] * state.jump[a]
+            for a in range(n):
+                slope = 0.0
                 for k in range(count):
-                    memory += tables.between_local[slot, i, k] * values[k, problem.where[a]]
-                for q in range(len(state.past)):
-                    memory += tables.between_past[slot, i, q] * state.past[q, a]
-                defect[i, problem.where[a]] += problem.strength[a] * memory
+                    slope += slopes[i, k] * values[k, a]
+                rates[i, a] = slope / (2.0 * h * places[i]) - rates[i, a]
+            for a in range(len(where)):
+                memory = kernel[i] * jump[a] + dot(before[i], 0, past[a], 0, past.shape[1])
+                for k in range(count):
+                    memory += local[i, k] * values[k, where[a]]
+                rates[i, where[a]] += strength[a] * memory
         worst = 0.0
         for a in range(n):
             total = 0.0
             for i in range(count):
-                total += 2.0 * h * nodes.between[i] * nodes.width[i] * abs(defect[i, a])
-            error = total / (problem.atol + problem.rtol * max(abs(state.y[a]), abs(state.y[a] + values[count - 1, a])))
+                total += 2.0 * h * places[i] * width[i] * abs(rates[i, a])
+            error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
             if not error <= worst:
                 worst = error
         return worst
@@ -240,7 +248,7 @@ def _make_defect(digest: str) -> Callable[..., Any]:
     return defect_error
 
 
-defect_error = compiled(_make_defect)
+defect_error = compiled(_make_defect, allocates=False)
 
 
 def _make_choose(digest: str) -> Callable[..., Any]:
@@ -267,7 +275,7 @@ def _make_choose(digest: str) -> Callable[..., Any]:
     return choose
 
 
-choose = compiled(_make_choose)
+choose = compiled(_make_choose, allocates=False)
 
 
 def _make_next_step(digest: str) -> Callable[..., Any]:
@@ -280,7 +288,7 @@ def _make_next_step(digest: str) -> Callable[..., Any]:
     return next_step
 
 
-next_step = compiled(_make_next_step)
+next_step = compiled(_make_next_step, allocates=False)
 
 
 def _make_accept(digest: str) -> Callable[..., Any]:
@@ -290,27 +298,35 @@ def _make_accept(digest: str) -> Callable[..., Any]:
         numbers, count, n = state.numbers, len(values), len(state.y)
         h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
         record.start[done], record.size[done], record.kind[done] = numbers[TIME], h, kind
-        record.y[done], record.values[done] = state.y, values
-        for a in range(len(problem.where)):
-            for q in range(len(state.past)):
-                term = tables.decay[slot, q] * (state.past[q, a] + (state.jump[a] if kind == 1 else 0.0))
-                for k in range(count):
-                    term += tables.moments[slot, kind, q, k] * values[k, problem.where[a]]
-                state.past[q, a] = term
-            if kind == 1:
-                state.jump[a] = 0.0
+        start, nodal = record.y, record.values  # copied by hand: array assignment allocates
         for a in range(n):
-            state.rate[a] = values[count - 1, a]
+            start[done, a] = state.y[a]
+            for k in range(count):
+                nodal[done, k, a] = values[k, a]
+        where, memory, jumps, moments, decay = problem.where, state.past, state.jump, tables.moments, tables.decay[slot]
+        for a in range(len(where)):
+            past, jump, place = memory[a], 0.0, where[a]
             if kind == 1:
-                state.y[a] += values[count - 1, a]
-                state.rate[a] = 0.0
+                jump, jumps[a] = jumps[a], 0.0
+            for q in range(len(past)):
+                past[q] = decay[q] * (past[q] + jump)
+            for k in range(count):
+                gained, value = moments[slot, kind, k], values[k, place]
+                for q in range(len(past)):
+                    past[q] += gained[q] * value
+        y, rate, weights, slope = state.y, state.rate, nodes.integral[count - 1], nodes.slope[count - 1]
+        for a in range(n):
+            rate[a] = values[count - 1, a]
+            if kind == 1:
+                y[a] += values[count - 1, a]
+                rate[a] = 0.0
                 for k in range(count):
-                    state.rate[a] += nodes.slope[count - 1, k] * values[k, a] / h
+                    rate[a] += slope[k] * values[k, a] / h
             else:
                 gain = 0.0
                 for k in range(count):
-                    gain += nodes.integral[count - 1, k] * values[k, a]
-                state.y[a] += h * gain
+                    gain += weights[k] * values[k, a]
+                y[a] += h * gain
         if kind == 1:
             numbers[FIRST] = h
         numbers[TIME] += h
@@ -323,7 +339,7 @@ def _make_accept(digest: str) -> Callable[..., Any]:
     return accept
 
 
-accept = compiled(_make_accept)
+accept = compiled(_make_accept, allocates=False)
 
 
 def evaluate(fun, state, times, states, rates):
@@ -420,7 +436,9 @@ def attempt(fun, problem, nodes, tables, state, values):
         h, error, power = numbers[STEP], math.inf, float(count)
         if iterations > 0 and numbers[SINGULAR] == 1.0:
             power = 0.5 * (count + 1)
-            if not evaluate(fun, state, numbers[TIME] + h * nodes.between**2, states_between(nodes, state, values), rates):
+            states = np.zeros_like(values)
+            states_between(nodes, state, values, states)
+            if not evaluate(fun, state, numbers[TIME] + h * nodes.between**2, states, rates):
                 return NOT_FINITE
             error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
         elif iterations > 0:

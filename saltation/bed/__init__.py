@@ -1,0 +1,1 @@
+"""The bed: contact law, rebounds and roughness."""

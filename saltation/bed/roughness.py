@@ -1,0 +1,217 @@
+"""What the grain meets on the bed: tilts θ_b (in the plane of motion) and α_b (across) of the contact plane.
+
+Contact normal into the water (−sin θ_b cos α_b, −sin α_b, cos θ_b cos α_b), mirrored for a grain that moves upstream. The
+grain's centre stands at cos θ_b cos α_b − depth above the bed level, depth = ¼: the bed level lies that far below the crests.
+
+The touching-sphere relation r/d = ½ (cos θ_b − tan θ_in sin θ_b), thesis (3-5), is cos(θ_b + θ_in) = (2r/d) cos θ_in, and
+the same across with α_in. r/d ∈ U(0, ½) gives θ_b from 0 to 90° − θ_in, not up to the 30° of the text; hence the readings:
+`clip` (at 30°), `reject` (drawn again beyond 30°), `literal` (as it comes), `spheres` (lee side included: grains slide).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from basset._compile import method, shared
+
+STEEPEST = math.radians(30.0)
+TILT = math.radians(4.0)
+READINGS = ("clip", "reject", "literal", "spheres")
+CLIP, REJECT, LITERAL, SPHERES = range(4)
+
+
+@shared
+def offset(angle, incidence):
+    """2r/d of the contact at `angle` for an incidence angle, thesis (3-5)."""
+    return math.cos(angle) - math.tan(incidence) * math.sin(angle)
+
+
+@shared
+def touching(share, incidence, reading, least):
+    """(angle, whether clipped) from a uniform share of the offsets; `least` is the smallest 2r/d of the draw."""
+    if math.cos(incidence) < 1e-12:
+        return 0.0, 0.0
+    steep = max(least, offset(STEEPEST, incidence))
+    low, high = least, 1.0
+    if reading == REJECT:
+        low = min(steep, 1.0)
+    elif reading == SPHERES:
+        low, high = steep, min(offset(-STEEPEST, incidence), 1.0 / math.cos(incidence))
+    angle = math.acos(min(1.0, (low + (high - low) * share) * math.cos(incidence))) - incidence
+    if reading == CLIP and angle > STEEPEST:
+        return STEEPEST, 1.0
+    return angle, 0.0
+
+
+@shared
+def bounded(share, incidence, reading, least):
+    """As `touching` with the range bounded by 30° (R6, R8): the upstream face, or as printed (steeper than 30° always)."""
+    steep = min(1.0, max(least, offset(STEEPEST, incidence)))
+    if reading == LITERAL:
+        return touching(share, incidence, reading, least) if steep <= least else (angle_of(share * steep, incidence), 0.0)
+    return touching(share, incidence, SPHERES if reading == SPHERES else REJECT, least)
+
+
+@shared
+def angle_of(twice, incidence):
+    """The angle of the contact at 2r/d = `twice`."""
+    return math.acos(min(1.0, twice * math.cos(incidence))) - incidence
+
+
+@shared
+def truncated_normal(share, width, deviation):
+    """The normal deviate within ±width that a uniform share stands for, by Newton's method on the distribution."""
+    root = deviation * math.sqrt(2.0)
+    whole = math.erf(width / root)
+    target = (2.0 * share - 1.0) * whole
+    x = target * width / (whole * root)
+    for _ in range(60):
+        step = (math.erf(x) - target) * 0.5 * math.sqrt(math.pi) * math.exp(x * x)
+        x -= step
+        if abs(step) < 1e-14:
+            break
+    return x * root
+
+
+class Flat(NamedTuple):
+    """A smooth plane at the bed level: depth ½, the centre stands half a diameter above it."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """No tilt."""
+        return 0.0, 0.0, 0.0
+
+
+class R1(NamedTuple):
+    """Touching spheres in the plane of motion; nothing across. García & Niño (1992)."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """θ_b from r₁."""
+        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
+        return theta, 0.0, clipped
+
+
+class R2(NamedTuple):
+    """A plane tilted uniformly within ±4°. Tsuji et al. (1987); chapter 2 of the thesis swaps R2 and R3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """Uniform tilts."""
+        return TILT * (2.0 * draws[0] - 1.0), self.scatter * TILT * (2.0 * draws[1] - 1.0), 0.0
+
+
+class R3(NamedTuple):
+    """A plane tilted normally within ±4° (standard deviation 2°, truncated). Sommerfeld (1992)."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """Normal tilts."""
+        return truncated_normal(draws[0], TILT, 0.5 * TILT), self.scatter * truncated_normal(draws[1], TILT, 0.5 * TILT), 0.0
+
+
+class R4(NamedTuple):
+    """θ_b uniform from 0 to 30°, α_b within ±30°. Thesis section 3.2.3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """Independent of the incidence."""
+        return STEEPEST * draws[0], self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), 0.0
+
+
+class R5(NamedTuple):
+    """Touching spheres in both planes, r₁ ∈ U(0, ½), r₂ ∈ U(−½, ½). Thesis section 3.2.3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """θ_b from r₁, |α_b| from |r₂|, its side from the sign of r₂."""
+        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
+        alpha = touching(draws[1], across, self.reading, self.least)[0]
+        return theta, self.scatter * (alpha if draws[2] < 0.5 else -alpha), clipped
+
+
+class R6(NamedTuple):
+    """R5 with both ranges bounded by 30°. Thesis section 3.2.3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """As R5, from the bounded ranges."""
+        theta, clipped = bounded(draws[0], incidence, self.reading, self.least)
+        alpha = bounded(draws[1], across, self.reading, self.least)[0]
+        return theta, self.scatter * (alpha if draws[2] < 0.5 else -alpha), clipped
+
+
+class R7(NamedTuple):
+    """θ_b as R5, α_b as R4. Thesis section 3.2.3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """Touching spheres in the plane of motion, uniform across."""
+        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
+        return theta, self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), clipped
+
+
+class R8(NamedTuple):
+    """θ_b as R6, α_b as R4. Thesis section 3.2.3."""
+
+    reading: int
+    least: float
+    scatter: float
+    depth: float
+
+    def angles(self, incidence, across, draws):
+        """The bounded range in the plane of motion, uniform across."""
+        theta, clipped = bounded(draws[0], incidence, self.reading, self.least)
+        return theta, self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), clipped
+
+
+angles = method("angles", 3)
+
+ROUGHNESS: dict[str, Any] = {"flat": Flat, "R1": R1, "R2": R2, "R3": R3, "R4": R4, "R5": R5, "R6": R6, "R7": R7, "R8": R8}
+
+
+@shared
+def facing(roughness, ux, uy, uz, draws):
+    """The contact plane a grain of velocity (ux, uy, uz) meets: normal into the water, centre height, θ_b, whether clipped."""
+    incidence = math.atan2(max(0.0, -uz), abs(ux))
+    across = math.atan2(max(0.0, -uz), abs(uy)) if uy != 0.0 else 0.5 * math.pi
+    theta, alpha, clipped = angles(roughness, incidence, across, draws)
+    x, y = -math.sin(theta) * math.cos(alpha), -math.sin(alpha)
+    if ux < 0.0:
+        x = -x
+    if uy < 0.0:
+        y = -y
+    return (x, y, math.cos(theta) * math.cos(alpha)), math.cos(theta) * math.cos(alpha) - roughness.depth, theta, clipped

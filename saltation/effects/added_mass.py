@@ -1,0 +1,40 @@
+"""Added mass: α = 1/(1 + R + C_m); in the thesis also a remainder C_m w du_f/dz along the stream.
+
+The remainder is the print's: Auton's form and Maxey & Riley's (5-1) have none in a steady parallel stream u_f(z). It
+changes jump heights by 4 % at most.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from saltation._tables import Table
+from saltation.effects.base import Setting
+
+NAME = "added_mass"
+SOURCE = "thesis (3-1); Auton, Hunt & Prud'homme (1988), J. Fluid Mech. 197, 241"
+VALID = "far from the wall"
+
+
+class Options(Table):
+    """The coefficient, and which form."""
+
+    coefficient: float = Field(0.5, ge=0.0, description="C_m, dimensionless")
+    form: Literal["thesis", "auton"] = Field("thesis", description="with the remainder C_m w du_f/dz, or without")
+
+
+class Remainder(NamedTuple):
+    """C_m w u_f'."""
+
+    coefficient: float
+
+    def force(self, s):
+        """Along the stream."""
+        return self.coefficient * s.slip_z * s.shear, 0.0, 0.0
+
+
+def build(options: Options, setting: Setting) -> Remainder | None:
+    """The remainder of the thesis's form; nothing for Auton's."""
+    return Remainder(options.coefficient) if options.form == "thesis" else None

@@ -1,0 +1,71 @@
+"""What a force sees, and what every effect file provides.
+
+An effect file in this folder has: `NAME`, the word in a scene's `effects`; `Options`, its table in the scene; `SOURCE` and
+`VALID`, for reports and warnings; and `build(options, setting)`, which returns a NamedTuple with `force(self, s)` (units of
+the thesis's (3-1): times α it is an acceleration in V²/d), with `torque(self, s)` (spin rate), or None where the effect
+works through the scene's numbers alone. `warnings(options, numbers)` is optional. Adding an effect is adding a file.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from basset._compile import method, overloads
+from saltation.grain import Numbers
+
+
+class Situation(NamedTuple):
+    """Where the grain is and how it moves: height (d); slip u − u_f (V); stream u_f and shear du_f/dz; spin (V/d)."""
+
+    z: float
+    slip_x: float
+    slip_y: float
+    slip_z: float
+    stream: float
+    shear: float
+    spin_x: float
+    spin_y: float
+    spin_z: float
+
+
+class Setting(NamedTuple):
+    """What `build` may use: the scene's numbers and its stream."""
+
+    numbers: Numbers
+    profile: Any
+
+
+class NoTorque(NamedTuple):
+    """The spin changes at contacts only."""
+
+    nothing: float
+
+    def torque(self, s):
+        """Zero."""
+        return 0.0, 0.0, 0.0
+
+
+force = method("force", 1)
+torque = method("torque", 1)
+
+
+def total_force(effects, s):
+    """Sum of the forces of a tuple of effects: (x, y, z)."""
+    x, y, z = 0.0, 0.0, 0.0
+    for effect in effects:
+        fx, fy, fz = force(effect, s)
+        x, y, z = x + fx, y + fy, z + fz
+    return x, y, z
+
+
+@overloads(total_force)
+def _total_force(effects, s):
+    if len(effects) == 0:
+        return lambda effects, s: (0.0, 0.0, 0.0)
+
+    def total(effects, s):
+        x, y, z = force(effects[0], s)
+        a, b, c = total_force(effects[1:], s)
+        return x + a, y + b, z + c
+
+    return total

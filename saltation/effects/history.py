@@ -1,0 +1,51 @@
+"""Basset history: −c·H of the slip, with the initial slip and the slip jump of every rebound; c = 9α/√(π Re*), thesis (3-1).
+
+What the memory does at a rebound decides the height of jumps (by a factor of 2 to 3) and is not established by
+measurement: `impulse` remembers the slip jump, `restart` forgets the past and remembers the whole new slip (the grain
+leaves its wake), `reset` forgets both, `none` keeps the past and ignores the jump.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from saltation._tables import Table
+from saltation.effects.base import Setting
+from saltation.grain import Numbers
+
+NAME = "history"
+SOURCE = "Basset (1888); Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833; thesis (3-1), (5-3)"
+VALID = "creeping flow far from walls; at Re around 50 an extrapolation"
+KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
+
+
+class Options(Table):
+    """Kernel, scheme, and what is remembered at a rebound."""
+
+    rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="what the memory does at an impact")
+    kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")
+    scheme: str = Field("exponential", description="any key of basset.SCHEMES")
+    order: int | None = Field(None, ge=1, le=10, description="degree of a product rule")
+    rtol: float | None = Field(None, gt=0.0, lt=1.0, description="promised error of a fitted sum of exponentials")
+    rule: str | None = Field(None, description="the rule inside a window (scheme = 'windowed')")
+    window: float | None = Field(None, gt=0.0, description="window in units of d/u*")
+    window_jumps: int | None = Field(None, ge=1, le=50, description="memory of that many jumps only (the thesis's T_back); collocation")
+    tail: str | bool | None = Field(None, description="beyond a window: 'fitted', 'van_hinsberg' or false")
+    horizon: float | None = Field(None, gt=0.0, description="longest time that is remembered, in units of d/u*; default 20 per jump")
+
+
+def build(options: Options, setting: Setting) -> Any:
+    """Nothing: the history is part of the equation itself and is integrated by the flight."""
+    return None
+
+
+def warnings(options: Options, numbers: Numbers) -> list[str]:
+    """The caveat that belongs to every scene with history and rebounds."""
+    if options.kernel == "basset" and numbers.reynolds > 4.0:
+        return [
+            f"history: Basset's kernel is that of creeping flow; here Re* = {numbers.reynolds:.3g}. "
+            "Compare history.kernel = 'mei_adrian' and the four choices of history.rebound"
+        ]
+    return []

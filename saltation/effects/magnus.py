@@ -1,0 +1,49 @@
+"""Magnus force: ¾ ω_r × u_r with ω_r = ω − ½ ∇×u_f, its sign kept (the bars in the print of thesis (3-2) lose it)."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from saltation._tables import Table
+from saltation.effects.base import Setting
+
+NAME = "magnus"
+SOURCE = "Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2)"
+VALID = "derived for small Re; used beyond"
+
+
+class Options(Table):
+    """All components, or the thesis's choice."""
+
+    form: Literal["vertical", "vector"] = Field("vertical", description="the component normal to the bed only (thesis), or the whole vector")
+
+
+class Vertical(NamedTuple):
+    """¾ (u_f − u)(ω_y − ½ u_f') upwards."""
+
+    strength: float
+
+    def force(self, s):
+        """Normal to the bed."""
+        return 0.0, 0.0, -self.strength * s.slip_x * (s.spin_y - 0.5 * s.shear)
+
+
+class Vector(NamedTuple):
+    """¾ ω_r × u_r."""
+
+    strength: float
+
+    def force(self, s):
+        """All three components."""
+        spin_y = s.spin_y - 0.5 * s.shear
+        x = spin_y * s.slip_z - s.spin_z * s.slip_y
+        y = s.spin_z * s.slip_x - s.spin_x * s.slip_z
+        z = s.spin_x * s.slip_y - spin_y * s.slip_x
+        return self.strength * x, self.strength * y, self.strength * z
+
+
+def build(options: Options, setting: Setting) -> Vertical | Vector:
+    """The form that is named."""
+    return Vertical(0.75) if options.form == "vertical" else Vector(0.75)

@@ -1,0 +1,740 @@
+"""The one compiled loop: a grain from impact to impact, with graded collocation through every jump of the slip.
+
+States y are x, [y,] z, slip u − u_f in the same directions, and the spin where it is integrated (ω_y in the plane, all
+three in space): what a scene does not name is not there. Slips, not velocities, because they are what the history acts on;
+at an impact both jump alike. Steps, tables, error estimates and memory are those of `basset.solvers._march`; the stages are
+solved by a Newton iteration with a diagonal Jacobian, which handles stiff drag at a fraction of the price of a full one.
+Impacts are found on the step's polynomial, the step is cut there and the memory advanced to the cut exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basset._compile import compiled, shared
+from basset._stream import dot
+from basset.kernels import Floats
+from basset.solvers._march import (
+    ACCEPTED,
+    CALLS,
+    ERROR,
+    FIRST,
+    FULL,
+    JUMPED,
+    KNOWN,
+    NOT_FINITE,
+    SINGULAR,
+    SLOT,
+    SMOOTH,
+    STEP,
+    STEPS,
+    TIME,
+    TOO_MANY,
+    accept,
+    choose,
+    decay_error,
+    defect_error,
+    next_step,
+    states_between,
+)
+from saltation._random import uniforms
+from saltation.bed.rebound import strike
+from saltation.bed.roughness import facing
+from saltation.effects.base import Situation, torque, total_force
+from saltation.flow import both
+
+# why `fly` came back, beside the codes of basset's march
+JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
+
+# places in `flight`
+START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+
+# columns of the table of jumps, as recorded: takeoff, flight, impact
+COLUMNS = (
+    "start", "x", "y", "z", "u", "v", "w", "duration", "length", "drift", "rise", "turned",
+    "u_in", "v_in", "w_in", "normal_speed", "tilt", "clipped", "impulse_x", "impulse_y", "impulse_z", "contacts",
+)  # fmt: skip
+
+IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
+TOLERANCE = 0.03  # of the step's error, for the stages
+MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
+
+
+class Model(NamedTuple):
+    """What moves the grain: α, the stream, forces, torque; `across` and `turning` are None where those states do not exist."""
+
+    alpha: float
+    profile: Any
+    forces: Any
+    torque: Any
+    across: Any
+    turning: Any
+
+
+class Bed(NamedTuple):
+    """Rebound, roughness, the highest contact, and who draws."""
+
+    rebound: Any
+    roughness: Any
+    highest: float
+    seed: int
+    grain: int
+
+
+class Memory(NamedTuple):
+    """What the memory does at an impact, and the fitted sum's rates (terms,); kept: one set of exponentials per remembered jump."""
+
+    rebound: int
+    rates: Floats
+    horizon: float
+
+
+class Cut(NamedTuple):
+    """Gauss points and weights on [0, 1] and how many decay times count, for the moments of a cut step."""
+
+    x: Floats
+    w: Floats
+    decayed: float
+    sums: Floats  # (stages + 1,), overwritten
+
+
+class Limits(NamedTuple):
+    """A flight this long never comes down; flights this short, so many in a row, are rest."""
+
+    longest: float
+    shortest: float
+    patience: float
+    seal: float  # jumps wanted in all
+
+
+@shared
+def rates_of(model, spin, states, i, out):
+    """Rates without history of row i of `states`, into row i of `out`."""
+    if model.across is None:
+        z, sx, sy, sz = states[i, 1], states[i, 2], 0.0, states[i, 3]
+    else:
+        z, sx, sy, sz = states[i, 2], states[i, 3], states[i, 4], states[i, 5]
+    if model.turning is None:
+        ox, oy, oz = spin[0], spin[1], spin[2]
+    elif model.across is None:
+        ox, oy, oz = 0.0, states[i, 4], 0.0
+    else:
+        ox, oy, oz = states[i, 6], states[i, 7], states[i, 8]
+    stream, shear = both(model.profile, z)
+    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz)
+    fx, fy, fz = total_force(model.forces, s)
+    if model.across is None:
+        out[i, 0], out[i, 1] = sx + stream, sz
+        out[i, 2], out[i, 3] = model.alpha * fx - shear * sz, model.alpha * fz
+    else:
+        out[i, 0], out[i, 1], out[i, 2] = sx + stream, sy, sz
+        out[i, 3], out[i, 4], out[i, 5] = model.alpha * fx - shear * sz, model.alpha * fy, model.alpha * fz
+    if model.turning is not None:
+        tx, ty, tz = torque(model.torque, s)
+        if model.across is None:
+            out[i, 4] = ty
+        else:
+            out[i, 6], out[i, 7], out[i, 8] = tx, ty, tz
+
+
+@shared
+def invert(matrix, result):
+    """The inverse of a small matrix into `result`, by Gauss–Jordan with row exchanges; `matrix` is used up."""
+    n = len(matrix)
+    for i in range(n):
+        for k in range(n):
+            result[i, k] = 1.0 if i == k else 0.0
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        if best != i:
+            for k in range(n):
+                matrix[i, k], matrix[best, k] = matrix[best, k], matrix[i, k]
+                result[i, k], result[best, k] = result[best, k], result[i, k]
+        scale = 1.0 / matrix[i, i]
+        for k in range(n):
+            matrix[i, k] *= scale
+            result[i, k] *= scale
+        for row in range(n):
+            if row != i:
+                share = matrix[row, i]
+                for k in range(n):
+                    matrix[row, k] -= share * matrix[i, k]
+                    result[row, k] -= share * result[i, k]
+
+
+class Work(NamedTuple):
+    """Room that one flight needs: all overwritten in every step."""
+
+    rates: Floats  # (stage, state)
+    states: Floats  # (stage, state)
+    inverse: Floats  # (state, stage, stage)
+    matrix: Floats  # (stage, stage)
+    force: Floats  # (stage, memory)
+    residual: Floats  # (stage,)
+    diagonal: Floats  # (state,)
+    rate: Floats  # (degree, state): Legendre coefficients of the rates in the step before
+    past: Floats  # (1,): its size, 0 where it was singular
+    polynomial: Floats  # (degree + 1, state)
+    here: Floats  # (2, state)
+    out: Floats  # (2, state)
+
+
+@shared
+def memory_before(problem, tables, state, slot, kind, force):
+    """c·(memory of all that came before the step) at the stages, into `force`."""
+    before, kernel, past, jump, strength = tables.past, tables.kernel, state.past, state.jump, problem.strength
+    for i in range(len(force)):
+        row = before[slot, kind, i]
+        for a in range(len(strength)):
+            total = dot(row, 0, past[a], 0, past.shape[1])
+            if kind == 1:
+                total += kernel[slot, i] * jump[a]
+            force[i, a] = strength[a] * total
+
+
+@shared
+def differentiate(model, spin, state, first, work):
+    """The diagonal of the Jacobian for slips and spins, by forward differences at the step's start."""
+    here, out, y, diagonal = work.here, work.out, state.y, work.diagonal
+    for a in range(len(y)):
+        here[0, a] = here[1, a] = y[a]
+    rates_of(model, spin, here, 0, out)
+    for a in range(first, len(y)):
+        here[1, a] = y[a] + 1.5e-8 * max(abs(y[a]), 1e-3)
+        rates_of(model, spin, here, 1, out)
+        diagonal[a] = min(0.0, (out[1, a] - out[0, a]) / (here[1, a] - y[a]))
+        here[1, a] = y[a]
+    members = 2 if model.across is None else 3  # one number for the slips and one for the spins: one inverse each
+    for low in range(first, len(y), members):
+        high = min(low + members, len(y))
+        mean = 0.0
+        for a in range(low, high):
+            mean += diagonal[a] / (high - low)
+        for a in range(low, high):
+            diagonal[a] = mean
+
+
+@shared
+def predict(model, spin, problem, nodes, tables, state, values, work):
+    """A first guess of the unknowns."""
+    numbers, h, c, y, where = state.numbers, state.numbers[STEP], nodes.c, state.y, problem.where
+    count, n = values.shape
+    if numbers[SMOOTH] == 1.0 and work.past[0] > 0.0:  # the polynomial of the step before, carried on
+        ratio, rate = h / work.past[0], work.rate
+        for i in range(count):
+            x = 1.0 + 2.0 * c[i] * ratio
+            for a in range(n):
+                values[i, a] = rate[0, a] + rate[1, a] * x
+            older, newer = 1.0, x
+            for d in range(2, count):
+                older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                for a in range(n):
+                    values[i, a] += newer * rate[d, a]
+        return
+    if numbers[SMOOTH] == 1.0:
+        rate = state.rate
+        for i in range(count):
+            for a in range(n):
+                values[i, a] = rate[a]
+        return
+    here, out = work.here, work.out
+    for a in range(n):
+        here[0, a] = y[a]
+    rates_of(model, spin, here, 0, out)
+    singular = numbers[SINGULAR] == 1.0
+    for i in range(count):
+        for a in range(n):
+            values[i, a] = c[i] * h * out[0, a] if singular else out[0, a]
+        if singular:
+            for a in range(len(where)):
+                values[i, where[a]] -= 2.0 * problem.strength[a] * math.sqrt(c[i] * h) * state.jump[a]
+
+
+@shared
+def factorise(problem, nodes, tables, h, slot, kind, work):
+    """The inverse of each state's own stage matrix; states that nothing damps need none in a regular step."""
+    matrix, inverse, diagonal, strength = work.matrix, work.inverse, work.diagonal, problem.strength
+    local, slope, integral = tables.local, nodes.slope, nodes.integral
+    n, count, members = len(diagonal), len(nodes.c), len(strength)
+    first = problem.where[0] if members > 0 else n
+    for a in range(n):
+        member = first <= a < first + members
+        if kind == 0 and not member and diagonal[a] == 0.0:
+            continue
+        if a > 0 and diagonal[a] == diagonal[a - 1] and a != first and a != first + members:  # as for the one before
+            for i in range(count):
+                for k in range(count):
+                    inverse[a, i, k] = inverse[a - 1, i, k]
+            continue
+        for i in range(count):
+            for k in range(count):
+                value = slope[i, k] / h if kind == 1 else -h * diagonal[a] * integral[i, k]
+                if member:
+                    value += strength[a - first] * local[slot, kind, i, k]
+                matrix[i, k] = value
+            matrix[i, i] += -diagonal[a] if kind == 1 else 1.0
+        invert(matrix, inverse[a])
+
+
+@shared
+def solve_stages(model, spin, problem, nodes, tables, state, values, work):
+    """Solve the stages into `values`: iterations, negative if it failed."""
+    numbers = state.numbers
+    h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
+    count, n = values.shape
+    members = len(problem.where)
+    first = problem.where[0] if members > 0 else n
+    memory_before(problem, tables, state, slot, kind, work.force)
+    factorise(problem, nodes, tables, h, slot, kind, work)
+    predict(model, spin, problem, nodes, tables, state, values, work)
+    inverse, diagonal, force, y = work.inverse, work.diagonal, work.force, state.y
+    states, rates, right, integral = work.states, work.rates, work.residual, nodes.integral
+    atol, rtol = problem.atol, problem.rtol
+    idle = 0  # x and y move nothing: they are integrated at the end
+    if kind == 0:
+        idle = 1 if model.across is None else 2
+    previous = math.inf
+    for iteration in range(30):
+        size, floor = 0.0, 0.0
+        for a in range(idle, n):
+            member = first <= a < first + members
+            if iteration > 0:
+                if kind == 0 and not member and diagonal[a] == 0.0:
+                    for i in range(count):
+                        values[i, a] = rates[i, a]
+                else:  # M v = F − c·past − J (Y − y_n), the part of F that J stands for being implicit
+                    for i in range(count):
+                        right[i] = rates[i, a] - diagonal[a] * (states[i, a] - y[a])
+                    if member:
+                        for i in range(count):
+                            right[i] -= force[i, a - first]
+                    for i in range(count):
+                        total = 0.0
+                        for k in range(count):
+                            total += inverse[a, i, k] * right[k]
+                        values[i, a] = total
+            for i in range(count):
+                value = y[a]
+                if kind == 1:
+                    value += values[i, a]
+                else:
+                    total = 0.0
+                    for k in range(count):
+                        total += integral[i, k] * values[k, a]
+                    value += h * total
+                if iteration > 0:
+                    scale = atol + rtol * (abs(y[a]) + abs(value))
+                    change = abs(value - states[i, a]) / scale
+                    if not change <= size:  # also for NaN
+                        size = change
+                    floor = max(floor, 4e-16 * abs(value) / scale)
+                states[i, a] = value
+        if iteration > 0:
+            if not math.isfinite(size):
+                return -iteration
+            if size <= max(TOLERANCE, floor) or (iteration > 4 and 0.9 * previous < size <= max(0.1, 10.0 * floor)):
+                for i in range(count):
+                    for a in range(idle):
+                        values[i, a] = rates[i, a]
+                return iteration
+            if iteration > 4 and size > 0.9 * previous:
+                return -iteration
+            previous = size
+        for i in range(count):
+            rates_of(model, spin, states, i, rates)
+        numbers[CALLS] += float(count)
+    return -30
+
+
+@shared
+def attempt(model, spin, problem, nodes, tables, state, values, work):
+    """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
+    numbers, count = state.numbers, len(nodes.c)
+    first = len(state.y) // 2 if len(problem.where) == 0 else problem.where[0]
+    while True:
+        code = choose(problem, tables, state)
+        if code != ACCEPTED:
+            return code
+        iterations = -1
+        for trial in range(2):
+            if numbers[KNOWN] == 0.0 or trial == 1:
+                differentiate(model, spin, state, first, work)
+                numbers[KNOWN] = 1.0
+            iterations = solve_stages(model, spin, problem, nodes, tables, state, values, work)
+            if abs(iterations) > 8:
+                numbers[KNOWN] = 0.0
+            if iterations > 0:
+                break
+        h, error, power = numbers[STEP], math.inf, float(count)
+        if iterations > 0 and numbers[SINGULAR] == 1.0:
+            power = 0.5 * (count + 1)
+            states_between(nodes, state, values, work.states)
+            for i in range(count):
+                rates_of(model, spin, work.states, i, work.rates)
+            error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
+        elif iterations > 0:
+            error = decay_error(problem, nodes, state, h, values)
+        if error <= 1.0:
+            if numbers[STEPS] >= problem.max_steps:
+                return TOO_MANY
+            numbers[ERROR] = error
+            return ACCEPTED
+        if h <= problem.floor:
+            return NOT_FINITE
+        numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+
+
+@shared
+def keep_rate(nodes, kind, h, values, work):
+    """Keep the polynomial of the rates, for the next step's first guess."""
+    count, n = values.shape
+    work.past[0] = h if kind == 0 else 0.0
+    if kind == 0:
+        regular, rate = nodes.regular, work.rate
+        for d in range(count):
+            for a in range(n):
+                total = 0.0
+                for k in range(count):
+                    total += regular[d, k] * values[k, a]
+                rate[d, a] = total
+
+
+@shared
+def fit_polynomial(nodes, rise, kind, h, values, polynomial):
+    """Legendre coefficients of y(θ) − y_n, in θ for a regular step and in √θ for a singular one."""
+    count, n = values.shape
+    basis, scale = (nodes.singular, 1.0) if kind == 1 else (rise, h)
+    for d in range(count + 1):
+        for a in range(n):
+            total = 0.0
+            for k in range(count):
+                total += basis[d, k] * values[k, a]
+            polynomial[d, a] = scale * total
+
+
+@shared
+def at(polynomial, y, kind, theta, a):
+    """State a at θ."""
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
+    older, newer, total = 1.0, x, y[a] + polynomial[0, a] + polynomial[1, a] * x
+    for d in range(2, len(polynomial)):
+        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+        total += polynomial[d, a] * newer
+    return total
+
+
+@shared
+def gap(model, bed, polynomial, y, kind, theta, draws):
+    """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
+    d = 2 if model.across is None else 3
+    z = at(polynomial, y, kind, theta, d - 1)
+    w = at(polynomial, y, kind, theta, 2 * d - 1)
+    if z >= bed.highest:
+        return max(z - bed.highest, w) + 1e-300
+    u = at(polynomial, y, kind, theta, d) + both(model.profile, z)[0]
+    v = 0.0 if model.across is None else at(polynomial, y, kind, theta, d + 1)
+    plane = facing(bed.roughness, u, v, w, draws)
+    return max(z - plane[1], w)
+
+
+@shared
+def first_contact(model, bed, polynomial, y, kind, draws, fresh):
+    """θ of the first contact in the step, 2 if there is none. `fresh`: the step starts at a takeoff."""
+    places = 2 * len(polynomial) + 1
+    low, value_low = 0.0, 1.0 if fresh else gap(model, bed, polynomial, y, kind, 0.0, draws)
+    if value_low <= 0.0:
+        return 0.0
+    for i in range(1, places + 1):
+        high = i / places
+        if kind == 1:
+            high *= high
+        value = gap(model, bed, polynomial, y, kind, high, draws)
+        if value <= 0.0:
+            if fresh and i == 1:  # the flight is shorter than this: go back to where it is above the bed
+                low = high
+                value_low = value
+                while value_low <= 0.0 and low > 1e-15:
+                    low *= 0.25
+                    value_low = gap(model, bed, polynomial, y, kind, low, draws)
+                if value_low <= 0.0:
+                    return 0.0
+            return root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, value)
+        low, value_low = high, value
+    return 2.0
+
+
+@shared
+def root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, value_high):
+    """The contact between `low` (apart) and `high` (touching): regula falsi with Illinois's halving and bisection."""
+    side = 0
+    for i in range(80):
+        if high - low <= 4e-16 * high:
+            break
+        middle = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+        value = gap(model, bed, polynomial, y, kind, middle, draws)
+        if value > 0.0:
+            low, value_low = middle, value
+            if side == 1:
+                value_high *= 0.5
+            side = 1
+        else:
+            high, value_high = middle, value
+            if value == 0.0:
+                break
+            if side == -1:
+                value_low *= 0.5
+            side = -1
+    return high
+
+
+@shared
+def cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values):
+    """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
+    count, members = len(nodes.c), len(problem.where)
+    basis = nodes.singular if kind == 1 else nodes.regular
+    degrees = len(basis)
+    sums = cut.sums
+    rates, past, jump, where, nodes_x, nodes_w = memory.rates, state.past, state.jump, problem.where, cut.x, cut.w
+    for q in range(len(rates)):
+        z = rates[q] * h * theta
+        share = min(1.0, cut.decayed / z) if z > 0.0 else 1.0
+        low = math.sqrt(max(0.0, 1.0 - share))
+        width = share / (1.0 + low) if kind == 1 else share
+        for d in range(degrees):
+            sums[d] = 0.0
+        for p in range(len(nodes_x)):
+            position = 1.0 - width * nodes_x[p]
+            if kind == 1:
+                factor = 2.0 * width * nodes_w[p] * math.sqrt(theta) * math.exp(-z * (1.0 - position) * (1.0 + position))
+                x = 2.0 * position * math.sqrt(theta) - 1.0
+                older, newer, slope = 1.0, x, 1.0  # P_0, P_1, P_1'
+                before = 0.0
+                sums[1] += factor
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    before, slope = slope, before + (2 * d - 1) * older  # P_d' = P_(d−2)' + (2d − 1) P_(d−1)
+                    sums[d] += factor * slope
+            else:
+                factor = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
+                x = 2.0 * position * theta - 1.0
+                older, newer = 1.0, x
+                sums[0] += factor
+                if degrees > 1:
+                    sums[1] += factor * x
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    sums[d] += factor * newer
+        decay = math.exp(-z)
+        for a in range(members):
+            past[a, q] = decay * (past[a, q] + (jump[a] if kind == 1 else 0.0))
+        for k in range(count):
+            gained = 0.0
+            for d in range(degrees):
+                gained += sums[d] * basis[d, k]
+            for a in range(members):
+                past[a, q] += gained * values[k, where[a]]
+    if kind == 1:
+        for a in range(members):
+            state.jump[a] = 0.0
+
+
+@shared
+def watch(model, polynomial, y, kind, h, theta, flight):
+    """Keep the highest point and the turning of the flight up to θ of the step."""
+    d = 2 if model.across is None else 3
+    before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
+    if before > 0.0 >= after:
+        low, high = 0.0, theta
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            if at(polynomial, y, kind, middle, 2 * d - 1) > 0.0:
+                low = middle
+            else:
+                high = middle
+        flight[TOP] = max(flight[TOP], at(polynomial, y, kind, high, d - 1))
+    flight[TOP] = max(flight[TOP], at(polynomial, y, kind, theta, d - 1))
+    if model.turning is not None:
+        a = 4 if model.across is None else 7
+        root = math.sqrt(0.15)
+        ends = h * theta / 18.0
+        flight[TURNED] += 8.0 * ends * at(polynomial, y, kind, 0.5 * theta, a)
+        flight[TURNED] += 5.0 * ends * (at(polynomial, y, kind, (0.5 - root) * theta, a) + at(polynomial, y, kind, (0.5 + root) * theta, a))
+
+
+@shared
+def take_off(model, state, spin, flight, x, y, z, u, v, w):
+    """Start the account of a new flight."""
+    flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
+    flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
+
+
+@shared
+def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps):
+    """Strike the bed until the grain moves up; JUMPS when enough are done, REST when it lies still, else ACCEPTED."""
+    d = 2 if model.across is None else 3
+    s, numbers = state.y, state.numbers
+    x, z = s[0], s[d - 1]
+    y = 0.0 if model.across is None else s[1]
+    stream = both(model.profile, z)[0]
+    u, w = s[d] + stream, s[2 * d - 1]
+    v = 0.0 if model.across is None else s[d + 1]
+    if model.turning is None:
+        ox, oy, oz = spin[0], spin[1], spin[2]
+    elif model.across is None:
+        ox, oy, oz = 0.0, s[4], 0.0
+    else:
+        ox, oy, oz = s[6], s[7], s[8]
+    duration = numbers[TIME] - flight[START]
+    u_in, v_in, w_in = u, v, w
+    jx, jy, jz, tilt, clipped, normal_speed, contacts = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(MOST_CONTACTS):
+        draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
+        flight[IMPACTS] += 1.0
+        n, _level, angle, steep = facing(bed.roughness, u, v, w, draws)
+        closing = -(u * n[0] + v * n[1] + w * n[2])
+        if not closing > 0.0:
+            continue  # that plane falls away faster than the grain: the next one
+        after = strike(bed.rebound, n, (u, v, w), (ox, oy, oz))
+        if contacts == 0.0:
+            tilt, clipped, normal_speed = angle, steep, closing
+        u, v, w, ox, oy, oz = after[0], after[1], after[2], after[3], after[4], after[5]
+        jx, jy, jz, contacts = jx + after[6], jy + after[7], jz + after[8], contacts + 1.0
+        if w > 0.0:
+            break
+    row = jumps[int(flight[DONE])]
+    turned = flight[TURNED] if model.turning is not None else spin[1] * duration
+    row[0], row[1], row[2], row[3] = flight[START], flight[X], flight[Y], flight[Z]
+    row[4], row[5], row[6], row[7] = flight[U], flight[V], flight[W], duration
+    row[8], row[9], row[10], row[11] = x - flight[X], y - flight[Y], flight[TOP] - flight[Z], turned
+    row[12], row[13], row[14], row[15] = u_in, v_in, w_in, normal_speed
+    row[16], row[17], row[18], row[19], row[20], row[21] = tilt, clipped, jx, jy, jz, contacts
+    flight[DONE] += 1.0
+    flight[TAKEN] += 1.0
+    # the state and the memory after the impact
+    if len(problem.where) > 0:
+        before_x, before_z = s[d], s[2 * d - 1]
+        before_y = 0.0 if model.across is None else s[d + 1]
+        state.jump[0], state.jump[d - 1] = u - stream - before_x, w - before_z
+        if model.across is not None:
+            state.jump[1] = v - before_y
+        if memory.rebound == RESTART or memory.rebound == RESET:
+            past = state.past
+            for a in range(past.shape[0]):
+                for q in range(past.shape[1]):
+                    past[a, q] = 0.0
+            state.jump[0], state.jump[d - 1] = u - stream, w
+            if model.across is not None:
+                state.jump[1] = v
+        if memory.rebound == RESET or memory.rebound == NOTHING:
+            for a in range(len(state.jump)):
+                state.jump[a] = 0.0
+    s[d], s[2 * d - 1] = u - stream, w
+    if model.across is not None:
+        s[d + 1] = v
+    if model.turning is None:
+        spin[0], spin[1], spin[2] = ox, oy, oz
+    elif model.across is None:
+        s[4] = oy
+    else:
+        s[6], s[7], s[8] = ox, oy, oz
+    numbers[JUMPED] = numbers[TIME]
+    size = numbers[FIRST]
+    numbers[STEP] = max(problem.floor, min(size, 0.5 * duration) if duration > 0.0 else size)
+    numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
+    work.past[0] = 0.0
+    flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
+    take_off(model, state, spin, flight, x, y, z, u, v, w)
+    if flight[SHORT] >= limits.patience or w <= 0.0:
+        return REST
+    if flight[TAKEN] >= limits.seal:
+        return JUMPS
+    return ACCEPTED
+
+
+class Record(NamedTuple):
+    """Accepted steps: start, size, kind, the share that was flown, state at the start, node values."""
+
+    start: Floats
+    size: Floats
+    kind: Floats
+    share: Floats
+    y: Floats
+    values: Floats
+
+
+def _make_fly(digest: str) -> Callable[..., Any]:
+    def fly(model, bed, memory, limits, problem, nodes, rise, cut, tables, state, spin, flight, work, values, record, recording, jumps):
+        """Fly until something needs the caller: (code, steps recorded)."""
+        digest  # noqa: B018 - part of the cache key
+        numbers, count = state.numbers, len(nodes.c)
+        d = 2 if model.across is None else 3
+        done = 0
+        while True:
+            if done >= len(record.start):
+                return FULL, done
+            if bed is not None and int(flight[DONE]) >= len(jumps):
+                return CROWDED, done
+            if numbers[TIME] - flight[START] > limits.longest:
+                return ALOFT, done
+            if numbers[TIME] > memory.horizon:
+                return HORIZON, done
+            code = attempt(model, spin, problem, nodes, tables, state, values, work)
+            if code != ACCEPTED:
+                return code, done
+            h, kind, theta = numbers[STEP], int(numbers[SINGULAR]), 1.0
+            record.share[done] = 1.0
+            contact = 2.0
+            fit_polynomial(nodes, rise, kind, h, values, work.polynomial)
+            if bed is not None:
+                near = state.y[d - 1] < bed.highest
+                for i in range(count):
+                    near = near or work.states[i, d - 1] < bed.highest
+                if near:
+                    draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
+                    fresh = numbers[TIME] == flight[START]
+                    contact = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
+            watch(model, work.polynomial, state.y, kind, h, min(contact, 1.0), flight)
+            if contact > 1.0:
+                keep_rate(nodes, kind, h, values, work)
+                accept(problem, nodes, tables, state, values, record, done)
+                if recording:
+                    done += 1
+                continue
+            theta = contact
+            record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], h, kind, theta
+            for a in range(len(state.y)):
+                record.y[done, a] = state.y[a]
+                for k in range(count):
+                    record.values[done, k, a] = values[k, a]
+                work.here[0, a] = at(work.polynomial, state.y, kind, theta, a)
+            if theta > 0.0:
+                cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values)
+            if kind == 1 and theta > 0.05:
+                numbers[FIRST] = h
+            for a in range(len(state.y)):
+                state.y[a] = work.here[0, a]
+            numbers[TIME] += h * theta
+            numbers[STEPS] += 1.0
+            if recording:
+                done += 1
+            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps)
+            if code != ACCEPTED:
+                return code, done
+
+    return fly
+
+
+fly = compiled(_make_fly, allocates=False)

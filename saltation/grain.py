@@ -1,0 +1,134 @@
+"""The grain in its fluid: the dimensionless numbers that decide what it does.
+
+Lengths are in grain diameters d, velocities in V, times in d/V: V is the shear velocity u* where there is a stream, and
+√(|R| g d) in still water.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GRAVITY = 9.81  # m/s²
+
+
+def critical_shields(particle_reynolds: float) -> float:
+    """Critical Shields parameter τ*c at the explicit particle Reynolds number R_p = √(R g d³)/ν.
+
+    Parameters
+    ----------
+    particle_reynolds : float or ndarray
+
+    Returns
+    -------
+    float or ndarray, dimensionless
+
+    Source: Parker's fit to Shields' curve as in the thesis (4-13), with R_p, not Re_p.
+
+    Examples
+    --------
+    >>> round(critical_shields(73.0), 4), round(critical_shields(250.0), 4)
+    (0.0323, 0.0394)
+    """
+    power = particle_reynolds**-0.6
+    return float(0.22 * power + 0.06 * math.e ** (-17.77 * power)) if isinstance(power, float) else 0.22 * power + 0.06 * math.e ** (-17.77 * power)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Dimensionless numbers of one scene.
+
+    Attributes
+    ----------
+    diameter, velocity : float, m and m/s
+        The units of length and velocity; time is in diameter/velocity.
+    density_ratio : float
+        ρ_s/ρ.
+    particle_reynolds : float
+        R_p = √(|R| g d³)/ν, R = ρ_s/ρ − 1.
+    reynolds : float
+        Re* = V d/ν.
+    shields : float
+        τ* = V²/(R g d); in still water ±1, the sign of R.
+    critical_shields : float
+        τ*c, thesis (4-13).
+    stage : float or None
+        T = τ*/τ*c; None in still water.
+    added_mass : float
+        C_m, 0 where added mass is not among the effects.
+    slope : float, radians
+        Angle of the bed.
+    """
+
+    diameter: float
+    velocity: float
+    density_ratio: float
+    particle_reynolds: float
+    reynolds: float
+    shields: float
+    critical_shields: float
+    stage: float | None
+    added_mass: float
+    slope: float
+
+    @property
+    def time(self) -> float:
+        """d/V in seconds."""
+        return self.diameter / self.velocity
+
+    @property
+    def alpha(self) -> float:
+        """α = 1/(1 + R + C_m), thesis (3-1)."""
+        return 1.0 / (self.density_ratio + self.added_mass)
+
+    @property
+    def history(self) -> float:
+        """c = 9α/√(π Re*), the coefficient of the history integral, thesis (3-1)."""
+        return 9.0 * self.alpha / math.sqrt(math.pi * self.reynolds)
+
+    def stokes(self, speed: float) -> float:
+        """Collision Stokes number ρ_s d V_n/(9 μ) of a normal impact speed (units of V)."""
+        return self.density_ratio * self.reynolds * speed / 9.0
+
+
+def numbers_of(
+    fluid_density: float,
+    viscosity: float,
+    density: float,
+    diameter: float,
+    *,
+    shear_velocity: float | None = None,
+    transport_stage: float | None = None,
+    slope: float = 0.0,
+    added_mass: float = 0.5,
+) -> Numbers:
+    """The numbers of a grain of `density` (kg/m³) and `diameter` (m) in a fluid of `fluid_density` and `viscosity` (m²/s).
+
+    Parameters
+    ----------
+    shear_velocity, transport_stage : float or None
+        u* in m/s, or T = τ*/τ*c; neither: still water.
+    slope : float, radians
+    added_mass : float
+        C_m.
+
+    Raises
+    ------
+    ValueError
+        If a stream or still water has no velocity scale because grain and fluid weigh the same.
+    """
+    excess = density / fluid_density - 1.0
+    unit = math.sqrt(abs(excess) * GRAVITY * diameter)
+    particle = unit * diameter / viscosity
+    if excess == 0.0 and (shear_velocity is None):
+        raise ValueError(f"density of the grain must differ from the fluid's unless shear_velocity is given, got {density:g} kg/m3 for both")
+    critical = critical_shields(particle) if particle > 0.0 else math.inf
+    if transport_stage is not None:
+        velocity = unit * math.sqrt(transport_stage * critical)
+    else:
+        velocity = unit if shear_velocity is None else shear_velocity
+    shields = velocity**2 / (excess * GRAVITY * diameter) if excess else math.inf
+    streams = shear_velocity is not None or transport_stage is not None
+    stage = abs(shields) / critical if streams else None
+    reynolds = velocity * diameter / viscosity
+    return Numbers(diameter, velocity, density / fluid_density, particle, reynolds, shields, critical, stage, added_mass, slope)
