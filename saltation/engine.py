@@ -13,10 +13,20 @@ from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import _march
 from basset.solvers._graded import stages_of, step_tables
 from saltation import flight
+from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
+from saltation.bed.roughness import READINGS, ROUGHNESS
+from saltation.effects import EFFECTS
+from saltation.effects.base import NoTorque, Setting
+from saltation.effects.rotation import prescribed_spin
+from saltation.flow import Still, both, tabulated
 
 SPAN = 16.0  # d/V: the longest step
 FLOOR = 1e-6  # d/V: the shortest
 DEFAULT_FIRST = 0.02
+SAFETY = 30.0  # the local estimate is so much too careful: measured, see tests/saltation/test_convergence.py
+ATOL = 1.0  # of velocities and spins, in V and V/d
+REST = 1e-5  # d/V: shorter flights
+PATIENCE = 50.0  # … so many in a row are rest
 
 
 class Tables:
@@ -53,7 +63,156 @@ def tables_of(stages: int, rtol: float, horizon: float | None) -> Tables:
     """Shared tables; horizon None: no memory."""
     if horizon is None:
         return Tables(stages, None)
-    return Tables(stages, ExponentialSum.fit(FLOOR * 0.05, horizon, rtol))
+    near = FLOOR * stages_of(stages).c[0]
+    while True:
+        try:
+            return Tables(stages, ExponentialSum.fit(near, horizon, rtol))
+        except ValueError:
+            if rtol > 1e-4:
+                raise
+            rtol *= 2.0  # the best that is tabulated
+
+
+class Engine:
+    """One scene made ready to fly: everything that does not change, for any number of grains."""
+
+    def __init__(self, scene: Any) -> None:
+        numbers, names = scene.numbers, scene.names
+        self.scene, self.numbers = scene, numbers
+        self.profile = Still(0.0) if isinstance(scene.profile, Still) else tabulated(scene.profile)
+        setting = Setting(numbers, self.profile)
+        built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
+        self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
+        forces = tuple(built[name] for name in self.force_names)
+        self.rotation = built.get("rotation")
+        self.across = None if scene.in_plane else 1.0
+        self.turning = None if self.rotation is None else 1.0
+        torque = NoTorque(0.0) if self.rotation is None else self.rotation
+        self.model = flight.Model(numbers.alpha, self.profile, forces, torque, self.across, self.turning)
+        self.dimensions = 2 if scene.in_plane else 3
+        self.states = 2 * self.dimensions + (0 if self.rotation is None else 1 if scene.in_plane else 3)
+        self.members = self.dimensions if "history" in names else 0
+        self.prescribed = None
+        if "rotation" in names and scene.options("rotation").law == "prescribed":
+            self.prescribed = prescribed_spin(numbers.stage)
+        self.restitution = self._restitution(scene.bed)
+        self.bed = self._bed(scene.bed)
+        rtol = scene.solver.rtol
+        digits = -math.log10(rtol)
+        stages = max(4, round(1.1 * digits - 0.5))
+        tolerance = min(SAFETY * rtol, 0.03)
+        horizon = scene.horizon if self.members else None
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), horizon)
+        end = math.inf if scene.run.duration is None else scene.run.duration / numbers.time
+        where = np.arange(self.dimensions, self.dimensions + self.members)
+        strength = np.full(self.members, numbers.history)
+        self.problem = _march.Problem(end, SPAN, SPAN, FLOOR, tolerance, ATOL * tolerance, 10**12, where, strength)
+        points = 16 if rtol >= 1e-6 else 48
+        self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        self.limits = flight.Limits(scene.run.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
+        self.rates = self.tables.tail.rates if self.tables.tail is not None else np.empty(0)
+        self.horizon = horizon if horizon is not None else math.inf
+
+    def _restitution(self, bed: Any) -> Restitution | None:
+        if bed is None:
+            return None
+        stokes = self.numbers.stokes(1.0)
+        if bed.restitution == "set1":
+            return Restitution(max(0.0, 0.75 - 0.25 * self.numbers.stage), 0.0, stokes)
+        if bed.restitution == "stokes":
+            return Restitution(0.97, 35.0, stokes)
+        return Restitution(float(bed.restitution), 0.0, stokes)
+
+    def _bed(self, bed: Any) -> flight.Bed | None:
+        if bed is None:
+            return None
+        added = 1.0 + self.numbers.added_mass / self.numbers.density_ratio if bed.contact_mass == "immersed" else 1.0
+        rebound: Any = {
+            "tsuji": lambda: Tsuji(self.restitution, bed.friction, added),
+            "garcia_nino": lambda: GarciaNino(self.restitution, bed.tangential_retention),
+            "tsuji_printed": lambda: TsujiPrinted(self.restitution, bed.friction),
+            "sliding_only": lambda: SlidingOnly(self.restitution, bed.friction),
+        }[bed.rebound]()
+        depth = 0.5 if bed.roughness == "flat" else 0.25
+        scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
+        roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
+        return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
+
+    @property
+    def contact_height(self) -> float:
+        """Height of a centre in contact with an untilted bed, d."""
+        return 0.5 if self.bed is not None and self.scene.bed.roughness == "flat" else 0.75
+
+
+class Grain:
+    """One grain under way: its state, memory and account, as plain arrays."""
+
+    def __init__(self, engine: Engine, grain: int = 0) -> None:
+        self.engine = engine
+        n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
+        scene, numbers = engine.scene, engine.numbers
+        start = scene.start
+        height = engine.contact_height if start.height is None else start.height / numbers.diameter
+        u, v, w = (2.0, 0.0, 2.0) if start.velocity is None else (value / numbers.velocity for value in start.velocity)
+        default = (0.0, 2.0, 0.0) if scene.turns and engine.prescribed is None and start.velocity is None else (0.0, 0.0, 0.0)
+        spin = default if start.spin is None else tuple(value * numbers.time for value in start.spin)
+        if engine.prescribed is not None:
+            spin = (0.0, engine.prescribed, 0.0)
+        stream = both(engine.profile, height)[0]
+        y = np.zeros(n)
+        y[d - 1] = height
+        y[d], y[2 * d - 1] = u - stream, w
+        if d == 3:
+            y[4] = v
+        if engine.turning is not None:
+            y[2 * d :] = spin[1] if d == 2 else spin
+        places = np.zeros(13)
+        places[_march.STEP] = places[_march.FIRST] = DEFAULT_FIRST
+        places[_march.SINGULAR] = float(members > 0)
+        jump = y[d : d + members].copy()
+        self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
+        self.spin = np.array(spin, dtype=np.float64)
+        self.flight = np.zeros(14)
+        self.flight[[flight.Z, flight.TOP]] = height
+        self.flight[[flight.U, flight.V, flight.W]] = u, v, w
+        options = scene.options("history") if members else None
+        kept = 0 if options is None or options.window_jumps is None else options.window_jumps
+        rebound = 0 if options is None else ("impulse", "restart", "reset", "none").index(options.rebound)
+        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, np.zeros((kept, members, terms)), np.zeros(kept))
+        self.bed = engine.bed._replace(grain=grain) if engine.bed is not None else None
+        stages = engine.tables.count
+        self.work = room(stages, n, members)
+        self.values = np.zeros((stages, n))
+
+    def fly(self, record: flight.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
+        """Fly until the caller is needed; missing tables are made on the way. (code, steps recorded)."""
+        engine, tables, places = self.engine, self.engine.tables, self.state.numbers
+        while True:
+            code, done = flight.fly(
+                engine.model,
+                self.bed,
+                self.memory,
+                engine.limits,
+                engine.problem,
+                tables.nodes,
+                tables.rise,
+                engine.cut,
+                tables.tables,
+                self.state,
+                self.spin,
+                self.flight,
+                self.work,
+                self.values,
+                record,
+                recording,
+                jumps,
+                engine.prescribed,
+            )
+            if code != _march.TABLE:
+                return code, done
+            tables.fill(float(places[_march.STEP]), int(places[_march.SLOT]), int(places[_march.SINGULAR]))
+            if done:
+                return _march.FULL, done
 
 
 def room(stages: int, states: int, members: int) -> flight.Work:

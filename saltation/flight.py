@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import compiled, shared
+from basset._compile import compiled, overloads, shared
 from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers._march import (
@@ -44,7 +44,7 @@ from basset.solvers._march import (
 from saltation._random import uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
-from saltation.effects.base import Situation, torque, total_force
+from saltation.effects.base import Situation, force, torque, total_force
 from saltation.flow import both
 
 # why `fly` came back, beside the codes of basset's march
@@ -86,11 +86,15 @@ class Bed(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the memory does at an impact, and the fitted sum's rates (terms,); kept: one set of exponentials per remembered jump."""
+    """What the memory does at an impact, the fitted sum's rates (terms,), how long it holds; for a memory of so many jumps
+    what came before each of them (jump, memory, terms) and when that was (jump,), both empty without such a limit.
+    """
 
     rebound: int
     rates: Floats
     horizon: float
+    before: Floats
+    when: Floats
 
 
 class Cut(NamedTuple):
@@ -582,7 +586,33 @@ def take_off(model, state, spin, flight, x, y, z, u, v, w):
 
 
 @shared
-def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps):
+def forget(memory, state, done):
+    """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
+
+    Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
+    """
+    kept, when, now, past = memory.before, memory.when, state.numbers[TIME], state.past
+    slot = done % len(kept)
+    members, terms = past.shape
+    if done >= len(kept):
+        for j in range(len(kept)):
+            if j != slot:
+                for q in range(terms):
+                    decay = math.exp(-memory.rates[q] * (when[j] - when[slot]))
+                    for a in range(members):
+                        kept[j, a, q] -= decay * kept[slot, a, q]
+        for q in range(terms):
+            decay = math.exp(-memory.rates[q] * (now - when[slot]))
+            for a in range(members):
+                past[a, q] -= decay * kept[slot, a, q]
+    when[slot] = now
+    for a in range(members):
+        for q in range(terms):
+            kept[slot, a, q] = past[a, q]
+
+
+@shared
+def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed):
     """Strike the bed until the grain moves up; JUMPS when enough are done, REST when it lies still, else ACCEPTED."""
     d = 2 if model.across is None else 3
     s, numbers = state.y, state.numbers
@@ -625,6 +655,8 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps):
     flight[TAKEN] += 1.0
     # the state and the memory after the impact
     if len(problem.where) > 0:
+        if len(memory.when) > 0:
+            forget(memory, state, int(flight[TAKEN]) - 1)
         before_x, before_z = s[d], s[2 * d - 1]
         before_y = 0.0 if model.across is None else s[d + 1]
         state.jump[0], state.jump[d - 1] = u - stream - before_x, w - before_z
@@ -644,7 +676,9 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps):
     s[d], s[2 * d - 1] = u - stream, w
     if model.across is not None:
         s[d + 1] = v
-    if model.turning is None:
+    if prescribed is not None:
+        pass  # contacts do not turn it
+    elif model.turning is None:
         spin[0], spin[1], spin[2] = ox, oy, oz
     elif model.across is None:
         s[4] = oy
@@ -676,7 +710,7 @@ class Record(NamedTuple):
 
 
 def _make_fly(digest: str) -> Callable[..., Any]:
-    def fly(model, bed, memory, limits, problem, nodes, rise, cut, tables, state, spin, flight, work, values, record, recording, jumps):
+    def fly(model, bed, memory, limits, problem, nodes, rise, cut, tables, state, spin, flight, work, values, record, recording, jumps, prescribed):
         """Fly until something needs the caller: (code, steps recorded)."""
         digest  # noqa: B018 - part of the cache key
         numbers, count = state.numbers, len(nodes.c)
@@ -730,7 +764,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             numbers[STEPS] += 1.0
             if recording:
                 done += 1
-            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps)
+            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)
             if code != ACCEPTED:
                 return code, done
 
@@ -738,3 +772,38 @@ def _make_fly(digest: str) -> Callable[..., Any]:
 
 
 fly = compiled(_make_fly, allocates=False)
+
+
+def each_force(effects, s, out, row, column):
+    """The force of every effect into out[row, column:], three numbers each."""
+    for effect in effects:
+        out[row, column], out[row, column + 1], out[row, column + 2] = force(effect, s)
+        column += 3
+
+
+@overloads(each_force)
+def _each_force(effects, s, out, row, column):
+    if len(effects) == 0:
+        return lambda effects, s, out, row, column: None
+
+    def each(effects, s, out, row, column):
+        out[row, column], out[row, column + 1], out[row, column + 2] = force(effects[0], s)
+        each_force(effects[1:], s, out, row, column + 3)
+
+    return each
+
+
+def _make_budget(digest: str) -> Callable[..., Any]:
+    def budget(model, situations, out):
+        """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
+        digest  # noqa: B018 - part of the cache key
+        for i in range(len(situations)):
+            r = situations[i]
+            each_force(model.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), out, i, 0)
+            for k in range(out.shape[1]):
+                out[i, k] *= model.alpha
+
+    return budget
+
+
+budget = compiled(_make_budget)

@@ -108,6 +108,8 @@ class LogLaw(Profile):
 OCTAVES = (-24, 14)  # heights 2^-24 d to 2^14 d
 CELLS = 8  # per octave
 DEGREE = 9
+HIGHEST = math.ldexp(1.0, OCTAVES[1])
+BELOW = math.nextafter(HIGHEST, 0.0)
 
 
 class Tabulated(NamedTuple):
@@ -124,6 +126,9 @@ class Tabulated(NamedTuple):
         """Velocity and shear."""
         if z <= self.floor:
             return 0.0, 0.0
+        beyond = 0.0
+        if not z < HIGHEST:  # above the table every profile is a logarithm; what is not a number must not choose an address
+            beyond, z = math.log(z / HIGHEST), BELOW
         mantissa, exponent = math.frexp(z)
         if exponent <= OCTAVES[0]:
             return self.slope * z, self.slope
@@ -135,7 +140,10 @@ class Tabulated(NamedTuple):
         for k in range(DEGREE - 1, -1, -1):
             rise = rise * x + velocity
             velocity = velocity * x + load(self.cells, cell + k)
-        return velocity, rise * math.ldexp(4.0 * CELLS, -exponent)
+        rise *= math.ldexp(4.0 * CELLS, -exponent)
+        if beyond != 0.0:
+            return velocity + beyond * rise * z, rise * math.exp(-beyond)
+        return velocity, rise
 
 
 KEPT: list[Floats] = []  # the tables that addresses point to
@@ -192,8 +200,10 @@ def profile_of(name: str, numbers: Numbers, roughness: float = 1.0, kappa: float
     Raises
     ------
     ValueError
-        If the profile does not hold for the scene's roughness Reynolds number.
+        If there is no such profile, or it does not hold for the scene's roughness Reynolds number.
     """
+    if name not in PROFILES and name not in REGIMES:
+        raise ValueError(f"profile must be one of {', '.join([*PROFILES, *REGIMES])}, got {name!r}")
     name, wall = REGIMES.get(name, name), numbers.reynolds * roughness
     if name == "none":
         return Still(0.0)

@@ -25,8 +25,11 @@ class Restitution(NamedTuple):
     stokes: float
 
     def at(self, speed):
-        """e at the normal impact speed (V)."""
-        return self.dry * math.exp(-self.damping / (self.stokes * speed)) if self.damping > 0.0 else self.dry
+        """e at the normal impact speed (V), 0 where nothing closes."""
+        if not self.damping > 0.0:
+            return self.dry
+        number = self.stokes * speed
+        return self.dry * math.exp(-self.damping / number) if number > 0.0 else 0.0
 
 
 restitution_at = method("at", 1)
@@ -100,7 +103,7 @@ class TsujiPrinted(NamedTuple):
         spin_z = o[0] * n[0] + o[1] * n[1] + o[2] * n[2]
         e, f, a = restitution_at(self.restitution, -normal), self.friction, 0.5
         speed = math.sqrt(along * along + across * across + normal * normal)
-        if normal / speed < -2.0 / (7.0 * f * (e + 1.0)):
+        if 7.0 * f * (e + 1.0) * normal < -2.0 * speed:  # (3B-1) without its division by f
             x, y = 5.0 / 7.0 * (along - 0.4 * a * spin_y), 5.0 / 7.0 * (across - 0.4 * a * spin_x)
             turn_x, turn_y = across / a, -along / a
         else:

@@ -5,7 +5,8 @@ grain's centre stands at cos θ_b cos α_b − depth above the bed level, depth 
 
 The touching-sphere relation r/d = ½ (cos θ_b − tan θ_in sin θ_b), thesis (3-5), is cos(θ_b + θ_in) = (2r/d) cos θ_in, and
 the same across with α_in. r/d ∈ U(0, ½) gives θ_b from 0 to 90° − θ_in, not up to the 30° of the text; hence the readings:
-`clip` (at 30°), `reject` (drawn again beyond 30°), `literal` (as it comes), `spheres` (lee side included: grains slide).
+`clip` (at 30°), `reject` (drawn again beyond 30°), `literal` (as it comes), `spheres` (what a path can really touch, lee
+side included: grains slide).
 """
 
 from __future__ import annotations
@@ -32,13 +33,15 @@ def touching(share, incidence, reading, least):
     """(angle, whether clipped) from a uniform share of the offsets; `least` is the smallest 2r/d of the draw."""
     if math.cos(incidence) < 1e-12:
         return 0.0, 0.0
-    steep = max(least, offset(STEEPEST, incidence))
-    low, high = least, 1.0
+    if reading == SPHERES:
+        # paths are spread evenly over one sphere, d sin θ_in across: from -30° on the lee side, or from where they graze
+        # it, to the steepest place that the sphere before does not hide
+        grazing = math.cos(max(0.0, incidence - STEEPEST))
+        return math.acos(grazing - (1.0 - share) * math.sin(incidence)) - incidence, 0.0
+    low = least
     if reading == REJECT:
-        low = min(steep, 1.0)
-    elif reading == SPHERES:
-        low, high = steep, min(offset(-STEEPEST, incidence), 1.0 / math.cos(incidence))
-    angle = math.acos(min(1.0, (low + (high - low) * share) * math.cos(incidence))) - incidence
+        low = min(1.0, max(least, offset(STEEPEST, incidence)))
+    angle = angle_of(low + (1.0 - low) * share, incidence)
     if reading == CLIP and angle > STEEPEST:
         return STEEPEST, 1.0
     return angle, 0.0
@@ -49,7 +52,7 @@ def bounded(share, incidence, reading, least):
     """As `touching` with the range bounded by 30° (R6, R8): the upstream face, or as printed (steeper than 30° always)."""
     steep = min(1.0, max(least, offset(STEEPEST, incidence)))
     if reading == LITERAL:
-        return touching(share, incidence, reading, least) if steep <= least else (angle_of(share * steep, incidence), 0.0)
+        return touching(share, incidence, reading, least) if steep <= least else (angle_of(least + (steep - least) * share, incidence), 0.0)
     return touching(share, incidence, SPHERES if reading == SPHERES else REJECT, least)
 
 
@@ -57,6 +60,12 @@ def bounded(share, incidence, reading, least):
 def angle_of(twice, incidence):
     """The angle of the contact at 2r/d = `twice`."""
     return math.acos(min(1.0, twice * math.cos(incidence))) - incidence
+
+
+@shared
+def sided(angle, share, reading):
+    """The angle across with the sign of r₂; of touching spheres both sides are drawn already."""
+    return angle if share < 0.5 or reading == SPHERES else -angle
 
 
 @shared
@@ -152,7 +161,7 @@ class R5(NamedTuple):
         """θ_b from r₁, |α_b| from |r₂|, its side from the sign of r₂."""
         theta, clipped = touching(draws[0], incidence, self.reading, self.least)
         alpha = touching(draws[1], across, self.reading, self.least)[0]
-        return theta, self.scatter * (alpha if draws[2] < 0.5 else -alpha), clipped
+        return theta, self.scatter * sided(alpha, draws[2], self.reading), clipped
 
 
 class R6(NamedTuple):
@@ -167,7 +176,7 @@ class R6(NamedTuple):
         """As R5, from the bounded ranges."""
         theta, clipped = bounded(draws[0], incidence, self.reading, self.least)
         alpha = bounded(draws[1], across, self.reading, self.least)[0]
-        return theta, self.scatter * (alpha if draws[2] < 0.5 else -alpha), clipped
+        return theta, self.scatter * sided(alpha, draws[2], self.reading), clipped
 
 
 class R7(NamedTuple):

@@ -52,9 +52,9 @@ torque = method("torque", 1)
 def total_force(effects, s):
     """Sum of the forces of a tuple of effects: (x, y, z)."""
     x, y, z = 0.0, 0.0, 0.0
-    for effect in effects:
+    for effect in reversed(effects):  # the order of the compiled form: the same bits
         fx, fy, fz = force(effect, s)
-        x, y, z = x + fx, y + fy, z + fz
+        x, y, z = fx + x, fy + y, fz + z
     return x, y, z
 
 

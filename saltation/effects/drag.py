@@ -116,7 +116,7 @@ def build(options: Options, setting: Setting) -> Drag:
 
 
 def warnings(options: Options, numbers: Numbers) -> list[str]:
-    """Where the law is outside its range: judged by a slip of five V and by the shear velocity's own Re."""
+    """Where the law is outside its range: judged by a slip of 2.5 V."""
     law, typical = LAWS[options.law], 2.5 * numbers.reynolds
     if typical <= law.largest:
         return []

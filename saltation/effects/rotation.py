@@ -32,7 +32,7 @@ class Options(Table):
 def friction_of(number):
     """C1 √Re_r + C2 + C3 Re_r², the table's pieces blended.
 
-    The pieces meet with jumps of up to 0.7 %, which no integrator of high order passes cheaply: within a quarter of each
+    The pieces meet with jumps of up to 0.8 %, which no integrator of high order passes cheaply: within a quarter of each
     meeting point they are joined smoothly (by less than half the jump).
     """
     root = math.sqrt(number)

@@ -1,0 +1,393 @@
+"""What a run leaves: the jumps, the path, the forces along it, and how it came about; saved as netCDF."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.polynomial import legendre
+
+from basset import __version__
+from basset.kernels import Floats
+from saltation import flight, regressions, statistics
+from saltation.engine import Engine
+from saltation.scene import scene_of
+
+UNITS = {  # of the table of jumps
+    "start": ("d/u*", "time of takeoff"),
+    "duration": ("d/u*", "from impact to impact"),
+    "length": ("d", "along the stream"),
+    "drift": ("d", "across the stream"),
+    "height": ("d", "rise above the previous impact"),
+    "height_above_bed": ("d", "highest point of the centre above the bed level"),
+    "velocity": ("u*", "length over duration"),
+    "spin": ("u*/d", "mean ω_y of the flight"),
+    "takeoff_angle": ("degree", "above the stream's direction, just after the impact"),
+    "incidence_angle": ("degree", "below the stream's direction, just before the impact"),
+    "deviation_angle": ("degree", "of the jump from the stream's direction, in plan"),
+    "takeoff_x": ("u*", "velocity just after the impact, along the stream"),
+    "takeoff_y": ("u*", "across"),
+    "takeoff_z": ("u*", "up"),
+    "impact_x": ("u*", "velocity just before the impact that ends the jump, along the stream"),
+    "impact_y": ("u*", "across"),
+    "impact_z": ("u*", "up"),
+    "stokes": ("1", "collision Stokes number of the impact"),
+    "tilt": ("degree", "θ_b of the contact"),
+    "clipped": ("1", "whether θ_b was cut at 30°"),
+    "impulse_x": ("m u*", "impulse of the bed on the grain, along the stream, per grain mass"),
+    "impulse_y": ("m u*", "across"),
+    "impulse_z": ("m u*", "up"),
+    "contacts": ("1", "contacts at the impact before the grain moved up"),
+}
+CREEP = 0.1  # d: lower jumps are counted as creeping
+
+
+def table_of(rows: Floats, stokes: float) -> pd.DataFrame:
+    """The table of jumps from the rows that a flight records; `stokes` is the collision Stokes number of unit speed."""
+    c = dict(zip(flight.COLUMNS, rows.T, strict=True))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        velocity, spin = c["length"] / c["duration"], c["turned"] / c["duration"]
+    columns = {
+        "start": c["start"],
+        "duration": c["duration"],
+        "length": c["length"],
+        "drift": c["drift"],
+        "height": c["rise"],
+        "height_above_bed": c["z"] + c["rise"],
+        "velocity": velocity,
+        "spin": spin,
+        "takeoff_angle": np.degrees(np.arctan2(c["w"], c["u"])),
+        "incidence_angle": np.degrees(np.arctan2(-c["w_in"], c["u_in"])),
+        "deviation_angle": np.degrees(np.arctan2(c["drift"], c["length"])),
+        "takeoff_x": c["u"],
+        "takeoff_y": c["v"],
+        "takeoff_z": c["w"],
+        "impact_x": c["u_in"],
+        "impact_y": c["v_in"],
+        "impact_z": c["w_in"],
+        "stokes": stokes * c["normal_speed"],
+        "tilt": np.degrees(c["tilt"]),
+        "clipped": c["clipped"],
+        "impulse_x": c["impulse_x"],
+        "impulse_y": c["impulse_y"],
+        "impulse_z": c["impulse_z"],
+        "contacts": c["contacts"],
+    }
+    return pd.DataFrame(columns)
+
+
+@dataclass(eq=False)
+class Result:
+    """A run of one grain. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
+
+    Attributes
+    ----------
+    scene : Scene
+    all_jumps : DataFrame
+        One row per jump from the first on; columns and units in `saltation.result.UNITS`.
+    status, message : str
+        finished, at rest, aloft, horizon or failed; and why.
+    provenance : dict
+        Profile, roughness, reading, rebound memory, source of e, range of St, shares of impacts that were clipped, creep or
+        lie outside a closure's range, versions, seed.
+    """
+
+    scene: Any
+    all_jumps: pd.DataFrame
+    status: str
+    message: str
+    provenance: dict[str, Any]
+    _path: xr.Dataset | None = None
+    _engine: Engine | None = None
+    _record: flight.Record | None = None
+
+    @classmethod
+    def of(cls, engine: Engine, rows: Floats, record: flight.Record | None, status: str, message: str) -> Result:
+        """From what the flights recorded."""
+        jumps = table_of(rows, engine.numbers.stokes(1.0))
+        return cls(engine.scene, jumps, status, message, provenance(engine, jumps), None, engine, record)
+
+    @property
+    def jumps(self) -> pd.DataFrame:
+        """The jumps that count: without the first `run.discard`."""
+        return self.all_jumps.iloc[self.scene.run.discard :].reset_index(drop=True)
+
+    def summary(self) -> pd.DataFrame:
+        """Mean, standard deviation, standard error (block bootstrap) and number, one row per column of `jumps`."""
+        return statistics.summary(self.jumps)
+
+    @cached_property
+    def trajectory(self) -> xr.Dataset:
+        """The path at the nodes of every step: x, y, z, u, v, w, spin and the forces on the grain, against time.
+
+        Units are in the variables' attributes; the dataset's give diameter (m) and velocity (m/s) to convert them.
+
+        Raises
+        ------
+        ValueError
+            If the scene keeps no path (run.trajectory = false).
+        """
+        if self._path is not None:
+            return self._path
+        if self._record is None or self._engine is None:
+            raise ValueError("trajectory was not kept: set run.trajectory = true")
+        return path_of(self._engine, self._record, self.all_jumps)
+
+    def budget(self, phases: int = 40) -> pd.DataFrame:
+        """Mean forces over the phase of the jump, thesis figs 3-14 to 3-16: one row per phase (0 takeoff, 1 impact).
+
+        Columns: x, z (d from takeoff, z from the bed level) and every force along the stream (`drag_x` …) and up
+        (`drag_z` …) as accelerations in u*²/d, means over all jumps that count.
+
+        Raises
+        ------
+        ValueError
+            If the path was not kept or no jump counts.
+        """
+        return budget_of(self, phases)
+
+    def diffusion(self, lags: Floats | None = None) -> pd.DataFrame:
+        """Second moments of the displacement along and across the stream after `lags` (d/u*), thesis fig. 3-17.
+
+        The ensemble is all takeoffs that count and lie long enough before the end. Columns lag, x, y (d²).
+        """
+        path, jumps = self.trajectory, self.jumps
+        end = float(path["time"][-1])
+        if lags is None:
+            longest = 0.1 * (end - float(jumps["start"].iloc[0]))
+            lags = np.geomspace(0.02 * float(jumps["duration"].mean()), longest, 40)
+        starts = jumps["start"].to_numpy()
+        starts = starts[starts + lags[-1] <= end]
+        positions = np.stack([path["x"].to_numpy(), path["y"].to_numpy() if "y" in path else np.zeros(path.sizes["time"])], axis=1)
+        moments = statistics.second_moments(path["time"].to_numpy(), positions, starts, lags)
+        return pd.DataFrame({"lag": lags, "x": moments[:, 0], "y": moments[:, 1]})
+
+    def bed_load(self) -> dict[str, float]:
+        """Dynamic friction μ_d = −ΣJ_x/ΣJ_z of the impacts and the bed-load rate q* that it implies, beside two formulas.
+
+        Raises
+        ------
+        ValueError
+            In still water.
+        """
+        numbers = self.scene.numbers
+        if numbers.stage is None:
+            raise ValueError("bed load needs a stream: the scene has no [channel]")
+        jumps = self.jumps
+        friction = -float(jumps["impulse_x"].sum() / jumps["impulse_z"].sum())
+        speed = float(jumps["length"].sum() / jumps["duration"].sum())
+        rate = float(regressions.bed_load(numbers.shields, numbers.critical_shields, speed, friction))
+        return {
+            "dynamic_friction": friction,
+            "rate": rate,
+            "meyer_peter_mueller": float(regressions.meyer_peter_mueller(numbers.shields)),
+            "wong_parker": float(regressions.wong_parker(numbers.shields)),
+        }
+
+    def dataset(self) -> xr.Dataset:
+        """Everything as one dataset: the jumps along `jump`, the path along `time` if it was kept, the rest as attributes."""
+        variables = {f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), {"units": UNITS[name][0], "long_name": UNITS[name][1]}) for name in self.all_jumps}
+        whole = xr.Dataset(variables)
+        if self._path is not None or self._record is not None:
+            whole = whole.merge(self.trajectory, combine_attrs="override")
+        numbers = self.scene.numbers
+        whole.attrs = {
+            "scene": self.scene.model_dump_json(exclude_none=True),
+            "status": self.status,
+            "message": self.message,
+            "provenance": json.dumps(self.provenance),
+            "diameter": numbers.diameter,
+            "velocity": numbers.velocity,
+        }
+        return whole
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
+
+        Raises
+        ------
+        OSError
+            If the folder does not exist or cannot be written; nothing is left behind.
+        """
+        target = Path(path)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        os.close(handle)
+        try:
+            self.dataset().to_netcdf(name, engine="scipy")
+            os.chmod(name, 0o644)
+            os.replace(name, target)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def open_result(path: str | os.PathLike[str]) -> Result:
+    """A result from a file that `Result.save` wrote.
+
+    Raises
+    ------
+    ValueError
+        If the file is not one.
+    """
+    with xr.open_dataset(path, engine="scipy") as opened:
+        whole = opened.load()
+    if "scene" not in whole.attrs:
+        raise ValueError(f"{os.fspath(path)!r} is no saltation result: it has no scene")
+    jumps = pd.DataFrame({str(name).removeprefix("jump_"): whole[name].to_numpy() for name in whole.data_vars if str(name).startswith("jump_")})
+    path_variables = [name for name in whole.data_vars if "time" in whole[name].dims]
+    kept = whole[path_variables] if path_variables else None
+    if kept is not None:
+        kept.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
+    scene = scene_of(json.loads(whole.attrs["scene"]))
+    return Result(scene, jumps, whole.attrs["status"], whole.attrs["message"], json.loads(whole.attrs["provenance"]), kept)
+
+
+def path_of(engine: Engine, record: flight.Record, jumps: pd.DataFrame) -> xr.Dataset:
+    """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut."""
+    tables, d = engine.tables, engine.dimensions
+    count = tables.count
+    singular = record.kind == 1.0
+    takeoff = np.zeros(len(record.start), dtype=bool)
+    takeoff[0] = True
+    takeoff[1:] = record.share[:-1] < 1.0
+    theta = record.share[:, None] * np.concatenate([[0.0], tables.nodes.c])  # (step, place)
+    x = 2.0 * np.where(singular[:, None], np.sqrt(theta), theta) - 1.0
+    basis = legendre.legvander(x, count)  # (step, place, degree)
+    rises = np.where(singular[:, None, None], tables.nodes.singular, record.size[:, None, None] * tables.rise)
+    states = record.y[:, None, :] + np.einsum("spd,sdk,ska->spa", basis, rises, record.values, optimize=True)
+    states[:, 0] = record.y
+    slopes = np.zeros((len(theta), count, count))  # of the node values, at the places behind the first
+    regular = ~singular
+    slopes[regular] = np.einsum("spd,dk->spk", basis[regular, 1:, :count], tables.nodes.regular)
+    inner = legendre.legvander(x[singular, 1:], count - 1)
+    derivative = 2.0 * legendre.legder(tables.nodes.singular)  # of the basis in σ
+    slopes[singular] = np.einsum("spd,dk->spk", inner, derivative) / (2.0 * np.sqrt(theta[singular, 1:]) * record.size[singular, None])[..., None]
+    rates = np.full_like(states, np.nan)
+    rates[:, 1:] = np.einsum("spk,ska->spa", slopes, record.values, optimize=True)
+    times = record.start[:, None] + record.size[:, None] * theta
+    wanted = np.ones(theta.shape, dtype=bool)
+    wanted[:, 0] = takeoff
+    times, states, rates = times[wanted], states[wanted], rates[wanted]
+
+    spins = _spins(engine, times, states, jumps)
+    stream = np.array([engine.scene.profile.both(z)[0] for z in states[:, d - 1]])
+    shear = np.array([engine.scene.profile.both(z)[1] for z in states[:, d - 1]])
+    slip = np.zeros((len(times), 3))
+    slip[:, [0, 2] if d == 2 else [0, 1, 2]] = states[:, d : 2 * d]
+    situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])
+    forces = np.zeros((len(times), 3 * len(engine.force_names)))
+    flight.budget(engine.model, situations, forces)
+    columns: dict[str, Any] = {"x": (states[:, 0], "d", "along the stream")}
+    if d == 3:
+        columns["y"] = states[:, 1], "d", "across the stream"
+    columns["z"] = states[:, d - 1], "d", "above the bed level"
+    columns["u"] = slip[:, 0] + stream, "u*", "velocity along the stream"
+    if d == 3:
+        columns["v"] = slip[:, 1], "u*", "velocity across the stream"
+    columns["w"] = slip[:, 2], "u*", "velocity up"
+    if engine.scene.turns:
+        for k, axis in enumerate("xyz"):
+            if d == 3 or axis == "y":
+                columns[f"spin_{axis}"] = spins[:, k], "u*/d", f"angular velocity about {axis}"
+    axes = {"x": 0, "y": 1, "z": 2} if d == 3 else {"x": 0, "z": 2}
+    for k, name in enumerate(engine.force_names):
+        for axis, place in axes.items():
+            columns[f"{name}_{axis}"] = forces[:, 3 * k + place], "u*2/d", f"acceleration by {name}"
+    if engine.members:
+        acceleration = rates[:, d : 2 * d].copy()
+        acceleration[:, 0] += shear * slip[:, 2]
+        for k, (axis, place) in enumerate(axes.items()):
+            columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", "acceleration by the history force (NaN at takeoff: infinite)"
+    data = {name: ("time", values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
+    numbers = engine.numbers
+    coordinate = ("time", times, {"units": "d/u*", "long_name": "time"})
+    return xr.Dataset(data, coords={"time": coordinate}, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})
+
+
+def _spins(engine: Engine, times: Floats, states: Floats, jumps: pd.DataFrame) -> Floats:
+    """Spin (points, 3) along the path; where it is not integrated only its y component is known, from the jumps' means."""
+    d, result = engine.dimensions, np.zeros((len(times), 3))
+    if engine.turning is not None:
+        if d == 2:
+            result[:, 1] = states[:, 4]
+        else:
+            result[:] = states[:, 6:9]
+    elif engine.prescribed is not None:
+        result[:, 1] = engine.prescribed
+    elif len(jumps):
+        which = np.clip(np.searchsorted(jumps["start"].to_numpy(), times, side="right") - 1, 0, len(jumps) - 1)
+        result[:, 1] = jumps["spin"].to_numpy()[which]
+    return result
+
+
+def budget_of(result: Result, phases: int) -> pd.DataFrame:
+    """See `Result.budget`."""
+    path, jumps = result.trajectory, result.jumps
+    if not len(jumps):
+        raise ValueError("budget needs a jump that counts: there is none")
+    time = path["time"].to_numpy()
+    names = [str(name) for name in path.data_vars if str(name).endswith(("_x", "_z")) and not str(name).startswith("spin")]
+    values = np.stack([path[name].to_numpy() for name in ["x", "z", *names]], axis=1)
+    phase = (np.arange(phases) + 0.5) / phases
+    total = np.zeros((phases, values.shape[1]))
+    ends = (jumps["start"] + jumps["duration"]).to_numpy()
+    first = np.searchsorted(time, jumps["start"].to_numpy() * (1.0 + 1e-14), side="right")
+    last = np.searchsorted(time, ends * (1.0 - 1e-14), side="left")
+    used = 0
+    for low, high, start, duration in zip(first, last, jumps["start"], jumps["duration"], strict=True):
+        if high - low < 2:
+            continue
+        used += 1
+        here, x0 = (time[low : high + 1] - start) / duration, float(path["x"][low - 1]) if low else 0.0
+        for k in range(values.shape[1]):
+            column = values[low : high + 1, k]
+            total[:, k] += np.interp(phase, here, column - x0 if k == 0 else column)
+    frame = pd.DataFrame(total / max(used, 1), columns=["x", "z", *names])
+    frame.insert(0, "phase", phase)
+    return frame
+
+
+def provenance(engine: Engine, jumps: pd.DataFrame) -> dict[str, Any]:
+    """How a result came about."""
+    scene, numbers = engine.scene, engine.numbers
+    bed = scene.bed
+    history = scene.options("history") if "history" in scene.names else None
+    counted = jumps.iloc[scene.run.discard :]
+    share = (lambda mask: float(mask.mean())) if len(counted) else (lambda mask: math.nan)
+    return {
+        "profile": scene.channel.profile if scene.channel else "none",
+        "roughness_height": (scene.channel.roughness_height or scene.grain.diameter) if scene.channel else None,
+        "bed_level": "a quarter of a diameter below the crests" if bed is not None and bed.roughness != "flat" else "the plane",
+        "roughness": bed.roughness if bed else None,
+        "reading": bed.reading if bed else None,
+        "rebound": bed.rebound if bed else None,
+        "contact_mass": bed.contact_mass if bed else None,
+        "restitution": bed.restitution if bed else None,
+        "rebound_memory": history.rebound if history else None,
+        "kernel": history.kernel if history else None,
+        "scheme": history.scheme if history else None,
+        "solver": scene.solver.model_dump(exclude_none=True),
+        "stokes": [float(counted["stokes"].min()), float(counted["stokes"].max())] if len(counted) else None,
+        "clipped": share(counted["clipped"] > 0.0),
+        "creeping": share(counted["height"] < CREEP),
+        "outside_validity": [text for name in scene.names if hasattr(module := _module(name), "warnings") for text in module.warnings(scene.options(name), numbers)],
+        "seed": scene.run.seed,
+        "versions": {"basset": __version__} | {name: version(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
+    }
+
+
+def _module(name: str) -> Any:
+    from saltation.effects import EFFECTS
+
+    return EFFECTS[name]

@@ -1,0 +1,429 @@
+"""What is simulated: a scene in TOML, validated, in SI units. Nothing that a scene does not name is computed.
+
+The tables of effects are found in `saltation/effects`: each file brings its own options.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, ValidationError, create_model, model_validator
+
+from basset import _validate
+from basset.quadrature import SCHEMES
+from saltation._tables import Table
+from saltation.bed.rebound import REBOUNDS
+from saltation.bed.roughness import READINGS, ROUGHNESS
+from saltation.effects import EFFECTS
+from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
+from saltation.grain import Numbers, numbers_of
+from saltation.presets import PRESETS
+
+
+class SceneError(ValueError):
+    """A scene that cannot be simulated; the message is one sentence."""
+
+
+def _one_of(options: Any) -> BeforeValidator:
+    """A string from `options`, with a suggestion."""
+
+    def check(value: Any) -> Any:
+        if value not in options:
+            names = ", ".join(repr(name) for name in options)
+            hint = _validate.suggestion(value, options) if isinstance(value, str) else ""
+            raise ValueError(f"must be one of {names}, got {_validate.shown(value)}{hint}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def _restitution(value: Any) -> Any:
+    if isinstance(value, str):
+        if value not in ("set1", "stokes"):
+            raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {value!r}{_validate.suggestion(value, ('set1', 'stokes'))}")
+    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 1.0:
+        raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {_validate.shown(value)}")
+    return value
+
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class Fluid(Table):
+    """The fluid."""
+
+    density: float = Field(1000.0, gt=0.0, description="kg/m3")
+    viscosity: float = Field(1.0e-6, gt=0.0, description="kinematic, m2/s")
+
+
+class Grain(Table):
+    """The grain, a sphere."""
+
+    density: float = Field(2650.0, gt=0.0, description="kg/m3")
+    diameter: float = Field(gt=0.0, description="m")
+
+
+class Channel(Table):
+    """The stream; leave the table out for still water."""
+
+    transport_stage: float | None = Field(None, gt=0.0, description="τ*/τ*c, dimensionless; or give shear_velocity")
+    shear_velocity: float | None = Field(None, gt=0.0, description="u*, m/s; or give transport_stage")
+    slope: float = Field(0.0, gt=-1.0, lt=1.0, description="tangent of the bed's angle, dimensionless")
+    profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
+    roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
+    von_karman: float = Field(VON_KARMAN, gt=0.0, lt=1.0, description="κ, dimensionless")
+
+    @model_validator(mode="after")
+    def _one_velocity(self) -> Channel:
+        if (self.transport_stage is None) == (self.shear_velocity is None):
+            raise ValueError("needs either transport_stage or shear_velocity (m/s), and not both")
+        return self
+
+
+class Bed(Table):
+    """The bed; leave the table out where there is none."""
+
+    rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
+    roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
+    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="how contact angles beyond 30° are read: " + ", ".join(READINGS))
+    smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
+    span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
+    restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
+        0.65, description="e: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
+    )
+    friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
+    tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept (garcia_nino)")
+    contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
+
+    @model_validator(mode="after")
+    def _right_friction(self) -> Bed:
+        if self.rebound == "garcia_nino":
+            if self.tangential_retention is None:
+                raise ValueError("tangential_retention is missing: rebound = 'garcia_nino' keeps a share from 0 to 1 of the tangential velocity")
+            if self.friction is not None:
+                raise ValueError("friction is Coulomb's and has no place in rebound = 'garcia_nino': give tangential_retention alone")
+        else:
+            if self.friction is None:
+                raise ValueError(f"friction is missing: rebound = {self.rebound!r} needs Coulomb's coefficient, 0 or greater")
+            if self.tangential_retention is not None:
+                raise ValueError(f"tangential_retention has no place in rebound = {self.rebound!r}: give friction alone")
+        return self
+
+
+class Start(Table):
+    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
+
+    velocity: Vector | None = Field(None, description="x, y, z in m/s")
+    spin: Vector | None = Field(None, description="x, y, z in rad/s")
+    height: float | None = Field(None, gt=0.0, description="of the grain's centre above the bed level, m")
+
+
+class Solver(Table):
+    """How flights are integrated."""
+
+    method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
+    rtol: float = Field(1.0e-5, ge=1e-10, le=1e-2, description="error of a jump's height, length and duration, relative to the mean jump (collocation)")
+    dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
+
+    @model_validator(mode="after")
+    def _step(self) -> Solver:
+        if self.method == "collocation" and self.dt is not None:
+            raise ValueError("dt belongs to method = 'fixed_step' or 'runge_kutta_4': collocation chooses its steps by rtol")
+        if self.method != "collocation" and self.dt is None:
+            raise ValueError(f"dt is missing: method = {self.method!r} needs a step in units of d/u*, such as 1e-3")
+        return self
+
+
+class Run(Table):
+    """How long, and which random numbers."""
+
+    jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
+    duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
+    discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
+    seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
+    longest_flight: float = Field(1000.0, gt=0.0, description="a flight this long never comes down, in units of d/u*")
+    trajectory: bool = Field(True, description="whether the path is kept")
+
+    @model_validator(mode="after")
+    def _length(self) -> Run:
+        if (self.jumps is None) == (self.duration is None):
+            raise ValueError("needs either jumps or duration (s), and not both")
+        if self.jumps is not None and self.discard >= self.jumps:
+            raise ValueError(f"discard must be smaller than jumps = {self.jumps}, got {self.discard}")
+        return self
+
+
+def _effects(value: Any) -> Any:
+    """A preset's name, or a list of effects."""
+    if isinstance(value, str):
+        if value not in PRESETS:
+            raise ValueError(f"must be a list of effects or one of {', '.join(map(repr, PRESETS))}, got {value!r}{_validate.suggestion(value, PRESETS)}")
+        return value
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError(f"must be a list of at least one of {', '.join(map(repr, EFFECTS))}, got {_validate.shown(value)}")
+    for name in value:
+        if name not in EFFECTS:
+            hint = _validate.suggestion(name, EFFECTS) if isinstance(name, str) else ""
+            raise ValueError(f"must hold only {', '.join(map(repr, EFFECTS))}, got {_validate.shown(name)}{hint}")
+        if list(value).count(name) > 1:
+            raise ValueError(f"must hold each effect once, got {name!r} twice")
+    return list(value)
+
+
+class Basis(Table):
+    """What every scene has; `Scene` adds one table per effect."""
+
+    effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, or a preset by author: " + ", ".join(PRESETS))
+    dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
+    fluid: Fluid = Fluid()
+    grain: Grain
+    channel: Channel | None = None
+    bed: Bed | None = None
+    start: Start = Start()
+    solver: Solver = Solver()
+    run: Run
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects, presets written out."""
+        return tuple(PRESETS[self.effects].effects if isinstance(self.effects, str) else self.effects)
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether the scene has two dimensions."""
+        default = PRESETS[self.effects].dimensions if isinstance(self.effects, str) else 3
+        return (self.dimensions or default) == 2
+
+    def options(self, name: str) -> Any:
+        """The table of an effect: as given, the preset's, or the default."""
+        given = getattr(self, name)
+        if given is not None:
+            return given
+        preset = PRESETS[self.effects].options.get(name, {}) if isinstance(self.effects, str) else {}
+        return EFFECTS[name].Options(**preset)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The dimensionless numbers."""
+        channel = self.channel
+        return numbers_of(
+            self.fluid.density,
+            self.fluid.viscosity,
+            self.grain.density,
+            self.grain.diameter,
+            shear_velocity=channel.shear_velocity if channel else None,
+            transport_stage=channel.transport_stage if channel else None,
+            slope=math.atan(channel.slope) if channel else 0.0,
+            added_mass=self.options("added_mass").coefficient if "added_mass" in self.names else 0.0,
+        )
+
+    @cached_property
+    def profile(self) -> Any:
+        """The stream's profile."""
+        if self.channel is None:
+            return profile_of("none", self.numbers)
+        height = self.channel.roughness_height or self.grain.diameter
+        return profile_of(self.channel.profile, self.numbers, height / self.grain.diameter, self.channel.von_karman)
+
+    @property
+    def turns(self) -> bool:
+        """Whether anything needs the grain's spin."""
+        rebounds = self.bed is not None and self.bed.rebound != "garcia_nino"
+        return "magnus" in self.names or "rotation" in self.names or rebounds
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Basis:
+        names = self.names
+        if self.run.jumps is not None and self.bed is None:
+            raise ValueError("run.jumps needs a bed: add a [bed] table, or give run.duration (s)")
+        if "magnus" in names:
+            contacts = self.bed is not None and self.bed.rebound != "garcia_nino"
+            spun = self.start.spin is not None and any(self.start.spin)
+            if not ("rotation" in names or contacts or spun):
+                raise ValueError("effects: 'magnus' needs something that turns the grain: add 'rotation', a rebound with friction ('tsuji'), or start.spin (rad/s)")
+        if "rotation" in names and self.options("rotation").law == "prescribed" and self.channel is None:
+            raise ValueError("rotation.law = 'prescribed' needs a [channel]: its spin is a function of the transport stage")
+        if self.bed is not None and self.bed.restitution == "set1" and self.channel is None:
+            raise ValueError("bed.restitution = 'set1' needs a [channel]: it is a function of the transport stage")
+        if self.in_plane and any(vector is not None and vector[1] != 0.0 for vector in (self.start.velocity,)):
+            raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {self.start.velocity}")
+        if "history" in names:
+            self._check_history()
+        self.numbers, self.profile  # noqa: B018 - refused here, with the scene
+        return self
+
+    def _check_history(self) -> None:
+        """Scheme and solver have to fit."""
+        options = self.options("history")
+        if options.scheme not in SCHEMES:
+            known = ", ".join(map(repr, SCHEMES))
+            raise ValueError(f"history.scheme must be one of {known}, got {options.scheme!r}{_validate.suggestion(options.scheme, SCHEMES)}")
+        if self.solver.method == "collocation":
+            if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
+                what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
+                raise ValueError(f"history: {what} samples the past at fixed steps: take solver.method = 'fixed_step' with dt, or scheme = 'exponential'")
+            return
+        if options.kernel != "basset":
+            raise ValueError(f"history.kernel = {options.kernel!r} follows the current slip: take solver.method = 'collocation'")
+        if options.window_jumps is not None:
+            raise ValueError("history.window_jumps needs solver.method = 'collocation'; fixed steps take history.window in units of d/u*")
+        self.history_rule()
+
+    def history_rule(self) -> Any:
+        """The rule of `basset` that a fixed-step scene names."""
+        options = self.options("history")
+        given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window") if getattr(options, key) is not None}
+        if options.scheme == "windowed":
+            if options.window is None:
+                raise ValueError("history.window is missing: scheme = 'windowed' needs one, in units of d/u*")
+            inner = SCHEMES.get(options.rule or "daitche")
+            if inner is None:
+                raise ValueError(f"history.rule must be one of {', '.join(map(repr, SCHEMES))}, got {options.rule!r}{_validate.suggestion(options.rule, SCHEMES)}")
+            order = {"order": given.pop("order")} if "order" in given else {}
+            given["rule"] = inner(**order)
+            given["tail"] = self._tail(options, given.pop("rtol", 1e-6))
+        elif options.scheme == "hinsberg":
+            if options.tail is False:
+                given["tail"] = False
+        try:
+            return SCHEMES[options.scheme](**given)
+        except TypeError as error:
+            word = str(error).split("'")[1] if "'" in str(error) else str(error)
+            raise ValueError(f"history.{word} has no meaning for scheme = {options.scheme!r}") from None
+        except ValueError as error:
+            raise ValueError(f"history.{error}") from None
+
+    def _tail(self, options: Any, rtol: float) -> Any:
+        from basset import ExponentialSum
+
+        if options.tail in (None, False):
+            return None
+        if options.tail == "van_hinsberg":
+            return ExponentialSum.van_hinsberg(options.window)
+        if options.tail != "fitted":
+            raise ValueError(f"history.tail must be 'fitted', 'van_hinsberg' or false, got {_validate.shown(options.tail)}")
+        return ExponentialSum.fit(0.5 * options.window, max(self.horizon, 2.0 * options.window), rtol)
+
+    @property
+    def horizon(self) -> float:
+        """The longest time that is remembered, in units of d/u*."""
+        options = self.options("history")
+        if options.horizon is not None:
+            return float(options.horizon)
+        if self.run.duration is not None:
+            return 1.01 * self.run.duration / self.numbers.time
+        return max(1e3, 20.0 * (self.run.jumps or 1))
+
+
+Scene: Any = create_model(
+    "Scene",
+    __base__=Basis,
+    __doc__="A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.",
+    **{name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()},
+)
+
+
+def sentence(error: ValidationError) -> str:
+    """The first mistake of a scene in one sentence: which field, what came, what would be right."""
+    found = error.errors()[0]
+    place, kind, given = [str(part) for part in found["loc"]], found["type"], found["input"]
+    context = found.get("ctx", {})
+    if place and kind == "extra_forbidden":
+        known = _fields(place[:-1])
+        return f"{'.'.join(place)} is not a field of a scene{_validate.suggestion(place[-1], known)}"
+    path = ".".join(place)
+    if kind == "missing":
+        return f"{path} is missing: {_describe(place)}"
+    if kind == "value_error":
+        text = str(context["error"])
+        named = text.split(" ")[0].split(".")[0].rstrip(":") in {*Basis.model_fields, *EFFECTS}
+        return text if not path or (named and not place) else (f"{path} {text}" if text.startswith(("must", "needs")) else f"{path}.{text}")
+    right = {
+        "greater_than": f"greater than {context.get('gt')}",
+        "greater_than_equal": f"{context.get('ge')} or greater",
+        "less_than": f"less than {context.get('lt')}",
+        "less_than_equal": f"{context.get('le')} or less",
+        "literal_error": f"one of {context.get('expected')}",
+        "finite_number": "a finite number",
+        "too_short": "three numbers",
+        "too_long": "three numbers",
+    }.get(kind)
+    if right is None:
+        right = {"float": "a number", "int": "a whole number", "bool": "true or false", "string": "a word in quotes", "list": "a list", "model": "a table"}.get(
+            kind.split("_")[0], found["msg"]
+        )
+    hint = _validate.suggestion(given, [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]) if kind == "literal_error" and isinstance(given, str) else ""
+    unit = _describe(place)
+    return f"{path} must be {right}, got {_validate.shown(given)}{hint}{f' ({unit})' if unit and not hint else ''}"
+
+
+def _fields(place: list[str]) -> list[str]:
+    """The fields of the table at `place`."""
+    schema: Any = Scene
+    for part in place:
+        annotation = schema.model_fields[part].annotation
+        schema = next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
+    return list(schema.model_fields)
+
+
+def _describe(place: list[str]) -> str:
+    """The description of the field at `place`."""
+    try:
+        schema: Any = Scene
+        for part in place[:-1]:
+            annotation = schema.model_fields[part].annotation
+            schema = next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
+        return schema.model_fields[place[-1]].description or "a table"
+    except (KeyError, AttributeError):
+        return ""
+
+
+def scene_of(content: Any) -> Any:
+    """A validated scene from a dictionary.
+
+    Raises
+    ------
+    SceneError
+        With one sentence, if the scene is wrong.
+    """
+    try:
+        return Scene.model_validate(content)
+    except ValidationError as error:
+        raise SceneError(sentence(error)) from None
+    except ValueError as error:
+        raise SceneError(str(error)) from None
+
+
+def shipped() -> dict[str, Path]:
+    """The scenes that come with the package, by name."""
+    folder = Path(str(resources.files("saltation") / "scenes"))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def load(path: str | Path) -> Any:
+    """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
+
+    Raises
+    ------
+    SceneError
+        With one sentence, if the file is missing, is no TOML, or the scene is wrong.
+    """
+    file = Path(path)
+    known = shipped()
+    if not file.exists():
+        name = file.name.removesuffix(".toml")
+        if len(file.parts) > 1 or name not in known:
+            raise SceneError(f"scene {str(path)!r} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
+        file = known[name]
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError(f"scene {str(path)!r} is not valid TOML: {str(error)[0].lower()}{str(error)[1:]}") from None
+    except OSError as error:
+        raise SceneError(f"scene {str(path)!r} cannot be read: {error.strerror}") from None
+    return scene_of(content)

@@ -1,0 +1,82 @@
+"""Scene -> Result: fly one grain, keep its jumps and its path, and say how the result came about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from basset.kernels import Floats
+from basset.solvers import _march
+from saltation import flight
+from saltation.engine import Engine, Grain
+from saltation.result import Result
+
+CHUNK = 4096  # steps between two visits of the caller
+STATUS = {
+    flight.JUMPS: ("finished", "all jumps are done"),
+    _march.END: ("finished", "the time is over"),
+    flight.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
+    flight.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain never comes down"),
+    flight.HORIZON: ("horizon", "the run outlasted history.horizon: set it longer"),
+    _march.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
+    _march.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
+    _march.TOO_MANY: ("failed", "too many steps"),
+}
+
+
+def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
+    """Simulate a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `saltation.load` or `saltation.Scene.model_validate`.
+    progress : callable or None
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Result
+        With a status: finished, at rest, aloft, horizon or failed, and all that was done up to there.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> result = saltation.run(saltation.load("bouncing"))
+    >>> result.status, len(result.jumps)
+    ('finished', 5)
+    """
+    if scene.solver.method != "collocation":
+        from saltation.fixed import run_fixed
+
+        return run_fixed(scene, progress)
+    engine = Engine(scene)
+    grain = Grain(engine)
+    wanted = scene.run.jumps
+    rows: list[Floats] = []
+    kept: list[flight.Record] = []
+    recording = scene.run.trajectory
+    record = empty_record(CHUNK if recording else 1, engine.tables.count, engine.states)
+    while True:
+        table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
+        grain.flight[flight.DONE] = 0.0
+        code, done = grain.fly(record, recording, table)
+        rows.append(table[: int(grain.flight[flight.DONE])])
+        if recording and done:
+            kept.append(flight.Record(*(array[:done].copy() for array in record)))
+        if progress is not None:
+            share = grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[_march.TIME] / engine.problem.end
+            progress(min(1.0, float(share)))
+        if code not in (_march.FULL, flight.CROWDED):
+            break
+    status, message = STATUS[code]
+    path = flight.Record(*(np.concatenate(parts) for parts in zip(*kept, strict=True))) if kept else None
+    return Result.of(engine, np.concatenate(rows), path, status, message)
+
+
+def empty_record(steps: int, stages: int, states: int) -> flight.Record:
+    """Room for so many steps."""
+    shapes: tuple[Any, ...] = (steps, steps, steps, steps, (steps, states), (steps, stages, states))
+    return flight.Record(*(np.zeros(shape) for shape in shapes))
