@@ -278,8 +278,12 @@ def path_of(engine: Engine, record: flight.Record, jumps: pd.DataFrame) -> xr.Da
     times = record.start[:, None] + record.size[:, None] * theta
     wanted = np.ones(theta.shape, dtype=bool)
     wanted[:, 0] = takeoff
-    times, states, rates = times[wanted], states[wanted], rates[wanted]
+    return path_at(engine, times[wanted], states[wanted], rates[wanted], jumps)
 
+
+def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, jumps: pd.DataFrame) -> xr.Dataset:
+    """The path from times (points,), states and their rates (points, states); rates NaN where unknown."""
+    d = engine.dimensions
     spins = _spins(engine, times, states, jumps)
     stream = np.array([engine.scene.profile.both(z)[0] for z in states[:, d - 1]])
     shear = np.array([engine.scene.profile.both(z)[1] for z in states[:, d - 1]])
