@@ -25,7 +25,7 @@ class Restitution(NamedTuple):
     stokes: float
 
     def at(self, speed):
-        """e at the normal impact speed (V), 0 where nothing closes."""
+        """Restitution e at the normal impact speed (V), 0 where nothing closes."""
         if not self.damping > 0.0:
             return self.dry
         number = self.stokes * speed

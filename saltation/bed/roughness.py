@@ -74,7 +74,7 @@ def truncated_normal(share, width, deviation):
     root = deviation * math.sqrt(2.0)
     whole = math.erf(width / root)
     target = (2.0 * share - 1.0) * whole
-    x = target * width / (whole * root)
+    x = 0.0  # the distribution bends away from its tangent here: every step stays short of the goal
     for _ in range(60):
         step = (math.erf(x) - target) * 0.5 * math.sqrt(math.pi) * math.exp(x * x)
         x -= step
