@@ -9,19 +9,22 @@ from typing import Any
 import numpy as np
 
 from basset.exponentials import ExponentialSum
-from basset.kernels import BassetKernel, Floats, gauss_legendre
+from basset.kernels import BassetKernel, Floats, MeiAdrianKernel, gauss_legendre
 from basset.solvers import _march
-from basset.solvers._graded import stages_of, step_tables
+from basset.solvers._graded import history_between, local_history, stages_of, step_tables
+from basset.spectrum import slip_table
 from saltation import flight
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.effects.base import NoTorque, Setting
+from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flow import Still, both, tabulated
 
 SPAN = 16.0  # d/V: the longest step
-FLOOR = 1e-6  # d/V: the shortest
+FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
+RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
 DEFAULT_FIRST = 0.02
 SAFETY = 30.0  # the local estimate is so much too careful: measured, see tests/saltation/test_convergence.py
 ATOL = 1.0  # of velocities and spins, in V and V/d
@@ -32,8 +35,8 @@ PATIENCE = 50.0  # … so many in a row are rest
 class Tables:
     """Nodes and step tables of one number of stages and one sum of exponentials, filled as they are asked for."""
 
-    def __init__(self, stages: int, tail: ExponentialSum | None) -> None:
-        self.count, self.tail = stages, tail
+    def __init__(self, stages: int, tail: ExponentialSum | None, floor: float = FLOOR) -> None:
+        self.count, self.tail, self.floor = stages, tail, floor
         found = stages_of(stages)
         regular, singular = found.regular.coefficients, found.singular.coefficients[:, 1:]
         between = found.between
@@ -63,14 +66,29 @@ def tables_of(stages: int, rtol: float, horizon: float | None) -> Tables:
     """Shared tables; horizon None: no memory."""
     if horizon is None:
         return Tables(stages, None)
-    near = FLOOR * stages_of(stages).c[0]
+    near = max(FLOOR * stages_of(stages).c[0], horizon / RANGE)
     while True:
         try:
-            return Tables(stages, ExponentialSum.fit(near, horizon, rtol))
+            return Tables(stages, ExponentialSum.fit(near, horizon, rtol), near / stages_of(stages).c[0])
         except ValueError:
             if rtol > 1e-4:
                 raise
             rtol *= 2.0  # the best that is tabulated
+
+
+LOCAL_LOW, LOCAL_STEP, LOCAL_POINTS = math.log(1e-13), 0.25, 180
+
+
+@lru_cache(maxsize=16)
+def local_shortfall(stages: int, c1: float) -> Floats:
+    """What the local history of a unit step of a finite-Reynolds kernel lacks to Basset's: (places, grid, stage, node)."""
+    result = np.zeros((3, LOCAL_POINTS, stages, stages))
+    basset = (*local_history(stages, BassetKernel()), history_between(stages, BassetKernel()))
+    for g, clock in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
+        slip = 0.75 * (2.0 * clock**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
+        kernel = MeiAdrianKernel(slip, 1.0, 1.0, c1, 0.0)
+        result[:, g] = np.array(basset) - np.array((*local_history(stages, kernel), history_between(stages, kernel)))
+    return result
 
 
 class Engine:
@@ -102,16 +120,30 @@ class Engine:
         stages = max(4, round(1.1 * digits - 0.5))
         tolerance = min(SAFETY * rtol, 0.03)
         horizon = scene.horizon if self.members else None
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), horizon)
+        far = horizon
+        if self.members and scene.options("history").kernel != "basset" and horizon is not None:
+            far = 10.0 * horizon  # for the weights that follow the slip, see basset.spectrum
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far)
         end = math.inf if scene.run.duration is None else scene.run.duration / numbers.time
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
-        self.problem = _march.Problem(end, SPAN, SPAN, FLOOR, tolerance, ATOL * tolerance, 10**12, where, strength)
+        self.problem = _march.Problem(end, SPAN, SPAN, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
         points = 16 if rtol >= 1e-6 else 48
         self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = flight.Limits(scene.run.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
+        self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else None
         self.rates = self.tables.tail.rates if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
+
+    def _finite(self, horizon: float | None) -> flight.Finite:
+        """The kernel that follows the slip."""
+        assert self.tables.tail is not None
+        c1, c2 = KERNELS[self.scene.options("history").kernel]
+        table = slip_table(self.tables.tail, c1, horizon)
+        local = local_shortfall(self.tables.count, c1)
+        return flight.Finite(
+            c1, c2, self.numbers.reynolds, table.log_rates, table.low, table.inverse_step, table.values, local, LOCAL_LOW, 1.0 / LOCAL_STEP
+        )
 
     def _restitution(self, bed: Any) -> Restitution | None:
         if bed is None:
@@ -178,7 +210,7 @@ class Grain:
         options = scene.options("history") if members else None
         kept = 0 if options is None or options.window_jumps is None else options.window_jumps
         rebound = 0 if options is None else ("impulse", "restart", "reset", "none").index(options.rebound)
-        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, np.zeros((kept, members, terms)), np.zeros(kept))
+        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, np.zeros((kept, members, terms)), np.zeros(kept), engine.finite)
         self.bed = engine.bed._replace(grain=grain) if engine.bed is not None else None
         stages = engine.tables.count
         self.work = room(stages, n, members)
@@ -217,6 +249,6 @@ class Grain:
 
 def room(stages: int, states: int, members: int) -> flight.Work:
     """Work space of one flight."""
-    shapes: list[tuple[int, ...]] = [(stages, states), (stages, states), (states, stages, stages), (stages, stages), (stages, members), (stages,), (states,)]
-    shapes += [(stages, states), (1,), (stages + 1, states), (2, states), (2, states)]
-    return flight.Work(*(np.zeros(shape) for shape in shapes))
+    shapes: list[tuple[int, ...]] = [(stages, states), (stages, states), (states, stages, stages), (stages, stages), (stages, members), (stages, members), (stages,)]
+    shapes += [(states,), (stages, states), (1,), (stages + 1, states), (2, states), (2, states)]
+    return flight.Work(*(np.zeros(shape) for shape in shapes), stages_of(stages).between ** 2)

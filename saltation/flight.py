@@ -13,8 +13,6 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from basset._compile import compiled, overloads, shared
 from basset._stream import dot
 from basset.kernels import Floats
@@ -38,9 +36,9 @@ from basset.solvers._march import (
     choose,
     decay_error,
     defect_error,
-    next_step,
     states_between,
 )
+from basset.spectrum import ratio_at
 from saltation._random import uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
@@ -95,6 +93,27 @@ class Memory(NamedTuple):
     horizon: float
     before: Floats
     when: Floats
+    finite: Any
+
+
+class Finite(NamedTuple):
+    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`.
+
+    C = ½√π Re*^(3/2) (U/f)³, f = 0.75 + c2 U Re*. `local` is what the local history of a unit step falls short of Basset's,
+    on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular and of a
+    singular step, halfway between those of a singular one.
+    """
+
+    c1: float
+    c2: float
+    reynolds: float
+    log_rates: Floats
+    low: float
+    inverse_step: float
+    values: Floats
+    local: Floats
+    local_low: float
+    local_inverse: float
 
 
 class Cut(NamedTuple):
@@ -181,6 +200,7 @@ class Work(NamedTuple):
     inverse: Floats  # (state, stage, stage)
     matrix: Floats  # (stage, stage)
     force: Floats  # (stage, memory)
+    extra: Floats  # (stage, memory)
     residual: Floats  # (stage,)
     diagonal: Floats  # (state,)
     rate: Floats  # (degree, state): Legendre coefficients of the rates in the step before
@@ -188,6 +208,7 @@ class Work(NamedTuple):
     polynomial: Floats  # (degree + 1, state)
     here: Floats  # (2, state)
     out: Floats  # (2, state)
+    halfway: Floats  # (stage,): places halfway between the nodes of a singular step, in θ
 
 
 @shared
@@ -201,6 +222,50 @@ def memory_before(problem, tables, state, slot, kind, force):
             if kind == 1:
                 total += kernel[slot, i] * jump[a]
             force[i, a] = strength[a] * total
+
+
+@shared
+def excess(finite, problem, states, i, places, which, h, kind, past, state, values, scale, out):
+    """c·(H − Basset's H) at row i of `states`, times `scale`, added to row i of `out`.
+
+    `past` (terms,) are Basset's weights with their decay up to places[i] of the step.
+    """
+    first, members, count = problem.where[0], len(problem.where), len(places)
+    speed = 0.0
+    for a in range(members):
+        speed += states[i, first + a] * states[i, first + a]
+    if speed == 0.0:
+        return  # Basset's kernel
+    speed = math.sqrt(speed)
+    # ln C^(2/3)
+    clock = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(finite.reynolds)
+    clock += 2.0 * math.log(speed / (0.75 + finite.c2 * speed * finite.reynolds))
+    rows, terms, memory, jump, strength = finite.values.shape[0], len(finite.log_rates), state.past, state.jump, problem.strength
+    log_rates, tables, local = finite.log_rates, finite.values, finite.local
+    for q in range(terms):
+        share = past[q] * (ratio_at(finite.low, finite.inverse_step, tables, min(q, rows - 1), log_rates[q] - clock) - 1.0)
+        for a in range(members):
+            out[i, a] += scale * strength[a] * share * memory[a, q]
+    if kind == 1:
+        lag = places[i] * h
+        share = ((1.0 + math.exp(1.5 / finite.c1 * (clock + math.log(lag)))) ** -finite.c1 - 1.0) / math.sqrt(lag)
+        for a in range(members):
+            out[i, a] += scale * strength[a] * share * jump[a]
+    position = (clock + math.log(h) - finite.local_low) * finite.local_inverse
+    if position <= 2.0:
+        return  # Basset's within 1e-9
+    cell = min(int(position), local.shape[1] - 4)
+    x = min(position - cell, 1.0)
+    unit = 1.0 / math.sqrt(h) if kind == 1 else math.sqrt(h)
+    for m in range(-2, 4):  # Lagrange through six points
+        weight = scale * unit
+        for other in range(-2, 4):
+            if other != m:
+                weight *= (x - other) / (m - other)
+        for k in range(count):
+            part = weight * local[which, cell + m, i, k]
+            for a in range(members):
+                out[i, a] -= strength[a] * part * values[k, first + a]
 
 
 @shared
@@ -288,7 +353,7 @@ def factorise(problem, nodes, tables, h, slot, kind, work):
 
 
 @shared
-def solve_stages(model, spin, problem, nodes, tables, state, values, work):
+def solve_stages(model, finite, spin, problem, nodes, tables, state, values, work):
     """Solve the stages into `values`: iterations, negative if it failed."""
     numbers = state.numbers
     h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
@@ -298,7 +363,7 @@ def solve_stages(model, spin, problem, nodes, tables, state, values, work):
     memory_before(problem, tables, state, slot, kind, work.force)
     factorise(problem, nodes, tables, h, slot, kind, work)
     predict(model, spin, problem, nodes, tables, state, values, work)
-    inverse, diagonal, force, y = work.inverse, work.diagonal, work.force, state.y
+    inverse, diagonal, force, extra, y = work.inverse, work.diagonal, work.force, work.extra, state.y
     states, rates, right, integral = work.states, work.rates, work.residual, nodes.integral
     atol, rtol = problem.atol, problem.rtol
     idle = 0  # x and y move nothing: they are integrated at the end
@@ -319,6 +384,8 @@ def solve_stages(model, spin, problem, nodes, tables, state, values, work):
                     if member:
                         for i in range(count):
                             right[i] -= force[i, a - first]
+                            if finite is not None:
+                                right[i] -= extra[i, a - first]
                     for i in range(count):
                         total = 0.0
                         for k in range(count):
@@ -353,12 +420,16 @@ def solve_stages(model, spin, problem, nodes, tables, state, values, work):
             previous = size
         for i in range(count):
             rates_of(model, spin, states, i, rates)
+            if finite is not None:
+                for a in range(members):
+                    extra[i, a] = 0.0
+                excess(finite, problem, states, i, nodes.c, kind, h, kind, tables.past[slot, kind, i], state, values, 1.0, extra)
         numbers[CALLS] += float(count)
     return -30
 
 
 @shared
-def attempt(model, spin, problem, nodes, tables, state, values, work):
+def attempt(model, finite, spin, problem, nodes, tables, state, values, work):
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
     first = len(state.y) // 2 if len(problem.where) == 0 else problem.where[0]
@@ -371,7 +442,7 @@ def attempt(model, spin, problem, nodes, tables, state, values, work):
             if numbers[KNOWN] == 0.0 or trial == 1:
                 differentiate(model, spin, state, first, work)
                 numbers[KNOWN] = 1.0
-            iterations = solve_stages(model, spin, problem, nodes, tables, state, values, work)
+            iterations = solve_stages(model, finite, spin, problem, nodes, tables, state, values, work)
             if abs(iterations) > 8:
                 numbers[KNOWN] = 0.0
             if iterations > 0:
@@ -382,6 +453,13 @@ def attempt(model, spin, problem, nodes, tables, state, values, work):
             states_between(nodes, state, values, work.states)
             for i in range(count):
                 rates_of(model, spin, work.states, i, work.rates)
+                if finite is not None:
+                    slot = int(numbers[SLOT])
+                    for a in range(len(problem.where)):
+                        work.extra[i, a] = 0.0
+                    excess(finite, problem, work.states, i, work.halfway, 2, h, 1, tables.between_past[slot, i], state, values, -1.0, work.extra)
+                    for a in range(len(problem.where)):
+                        work.rates[i, problem.where[a]] += work.extra[i, a]
             error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
@@ -725,7 +803,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
                 return ALOFT, done
             if numbers[TIME] > memory.horizon:
                 return HORIZON, done
-            code = attempt(model, spin, problem, nodes, tables, state, values, work)
+            code = attempt(model, memory.finite, spin, problem, nodes, tables, state, values, work)
             if code != ACCEPTED:
                 return code, done
             h, kind, theta = numbers[STEP], int(numbers[SINGULAR]), 1.0
