@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import click
 import matplotlib as mpl
 
+from basset._look import LOOK
 from reports import analysis, figures, memory, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
@@ -298,7 +299,7 @@ def front(data: dict[str, Record]) -> str:
 def main() -> None:
     """Build every page from the JSON in reports/data."""
     data = load(HERE / "data")
-    with mpl.rc_context(figures.LOOK):
+    with mpl.rc_context(LOOK):
         pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data), "README.md": front(data)}
     for name, text in pages.items():
         write(HERE / name, text)

@@ -11,12 +11,14 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
+from basset._look import legend as _legend
+from basset._look import slope as _slope
 from reports.analysis import CACHED, COLD, PUBLISHED, Record, schemes, select, short
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = "#000000", "#E69F00", "#56B4E9", "#009E73", "#C9B800", "#0072B2", "#D55E00", "#CC79A7"
 STYLE: dict[str, tuple[str, str]] = {  # colour, marker
     "Euler–Maclaurin": (BLACK, "x"),
-    "Brush": ("#777777", "+"),
+    "Brush": (GREY, "+"),
     "semi-derivative": (YELLOW, "v"),
     "Hinsberg": (RED, "s"),
     "Daitche(1)": (ORANGE, "o"),
@@ -24,23 +26,8 @@ STYLE: dict[str, tuple[str, str]] = {  # colour, marker
     "Daitche(3)": (BLUE, "D"),
     "Daitche(4)": (SKY, "P"),
     "Daitche(6)": (PINK, "X"),
-    "Daitche(8)": ("#7A4FA3", "h"),
-    "Daitche(10)": ("#5B3A1E", "*"),
-}
-LOOK = {
-    "font.size": 10,
-    "axes.titlesize": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "lines.markersize": 5,
-    "lines.linewidth": 1.3,
-    "svg.hashsalt": "basset",
-    "svg.fonttype": "none",
-    "figure.constrained_layout.use": True,
+    "Daitche(8)": (PURPLE, "h"),
+    "Daitche(10)": (BROWN, "*"),
 }
 
 
@@ -59,27 +46,6 @@ def _line(axes: Any, records: list[Record], x: str, y: str, scheme: str, **more:
     # Hinsberg and Daitche(1) lie on top of each other where they are the same: the one is drawn hollow around the other
     hollow = {"markersize": 9, "markerfacecolor": "none"} if scheme == "Hinsberg" else {}
     axes.loglog([r[x] for r in shown], [r[y] for r in shown], color=colour, marker=marker, **({"label": scheme} | hollow | more))
-
-
-def _slope(axes: Any, x0: float, y0: float, x1: float, order: float, label: str, side: str = "left") -> None:
-    """A reference line through (x0, y0) with that slope, labelled at its end x1."""
-    y1 = y0 * (x1 / x0) ** order
-    axes.plot([x0, x1], [y0, y1], color="#999999", linestyle=":", linewidth=1.2, zorder=1)
-    axes.annotate(
-        label,
-        (x1, y1),
-        xytext=(-3 if side == "left" else 3, 0),
-        textcoords="offset points",
-        ha="right" if side == "left" else "left",
-        va="center",
-        color="#666666",
-        fontsize=9,
-    )
-
-
-def _legend(figure: Any, axes: Any, columns: int) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
 
 
 def convergence(records: list[Record]) -> Any:

@@ -7,11 +7,12 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
+from basset._look import legend as _legend
+from basset._look import slope as _slope
 from bench.suites.exponentials import law
 from reports.analysis import Record, select, short
-from reports.figures import BLACK, BLUE, GREEN, ORANGE, PINK, RED, SKY, _legend, _slope
 
-GREY = "#777777"
 SCHEMES = {  # name: colour, marker, short name
     "full history": (BLACK, "o", "full history"),
     "window, no tail": (GREY, "x", "window, no tail"),

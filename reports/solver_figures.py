@@ -7,10 +7,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
+from basset._look import legend as _legend
+from basset._look import slope as _slope
 from reports.analysis import Record, select, short
-from reports.figures import BLACK, BLUE, GREEN, ORANGE, PINK, RED, SKY, YELLOW, _legend, _slope
 
-GREY, PURPLE = "#777777", "#7A4FA3"
 LOOKS = {  # colour, marker, dash
     "semi-derivative": (YELLOW, "v", "-"),
     "Euler–Maclaurin": (BLACK, "x", "-"),
