@@ -83,7 +83,7 @@ class Numbers:
 
     @property
     def history(self) -> float:
-        """c = 9α/√(π Re*), the coefficient of the history integral, thesis (3-1)."""
+        """Coefficient c = 9α/√(π Re*) of the history integral, thesis (3-1)."""
         return 9.0 * self.alpha / math.sqrt(math.pi * self.reynolds)
 
     def stokes(self, speed: float) -> float:
@@ -123,10 +123,9 @@ def numbers_of(
     if excess == 0.0 and (shear_velocity is None):
         raise ValueError(f"density of the grain must differ from the fluid's unless shear_velocity is given, got {density:g} kg/m3 for both")
     critical = critical_shields(particle) if particle > 0.0 else math.inf
+    velocity = unit if shear_velocity is None else shear_velocity
     if transport_stage is not None:
         velocity = unit * math.sqrt(transport_stage * critical)
-    else:
-        velocity = unit if shear_velocity is None else shear_velocity
     shields = velocity**2 / (excess * GRAVITY * diameter) if excess else math.inf
     streams = shear_velocity is not None or transport_stage is not None
     stage = abs(shields) / critical if streams else None

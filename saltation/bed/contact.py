@@ -45,7 +45,7 @@ def impulse(nx, ny, nz, vx, vy, vz, restitution, friction, mass, tangential_mass
 
 @shared
 def cross(ax, ay, az, bx, by, bz):
-    """a × b."""
+    """Vector product a × b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
