@@ -208,9 +208,10 @@ class Grain:
         self.flight[[flight.Z, flight.TOP]] = height
         self.flight[[flight.U, flight.V, flight.W]] = u, v, w
         options = scene.options("history") if members else None
-        kept = 0 if options is None or options.window_jumps is None else options.window_jumps
+        kept = None if options is None else options.window_jumps
+        before, when = (None, None) if kept is None else (np.zeros((kept, members, terms)), np.zeros(kept))
         rebound = 0 if options is None else ("impulse", "restart", "reset", "none").index(options.rebound)
-        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, np.zeros((kept, members, terms)), np.zeros(kept), engine.finite)
+        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, before, when, engine.finite)
         self.bed = engine.bed._replace(grain=grain) if engine.bed is not None else None
         stages = engine.tables.count
         self.work = room(stages, n, members)

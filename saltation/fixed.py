@@ -172,7 +172,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
         weights[p, : p + 1] = adams_moulton(p)
     weights[0, 0] = 1.0
     plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
-    memory = grain.memory._replace(before=np.zeros((0, m, 0)), when=np.zeros(0), rates=np.zeros(0))
+    memory = grain.memory._replace(rates=np.zeros(0))
     state = state._replace(past=np.zeros((m, 0)))
     stream = plan.start((m,))
     short, oldest, interior, fixed, loss, gains, entry = plan._arrays

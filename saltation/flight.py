@@ -85,14 +85,15 @@ class Bed(NamedTuple):
 
 class Memory(NamedTuple):
     """What the memory does at an impact, the fitted sum's rates (terms,), how long it holds; for a memory of so many jumps
-    what came before each of them (jump, memory, terms) and when that was (jump,), both empty without such a limit.
+    what came before each of them (jump, memory, terms) and when that was (jump,), both None without such a limit; the
+    finite-Reynolds kernel, None for Basset's.
     """
 
     rebound: int
     rates: Floats
     horizon: float
-    before: Floats
-    when: Floats
+    before: Any
+    when: Any
     finite: Any
 
 
@@ -664,23 +665,25 @@ def take_off(model, state, spin, flight, x, y, z, u, v, w):
 
 
 @shared
-def forget(memory, state, done):
+def forget(kept, when, rates, state, done):
     """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
 
     Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
     """
-    kept, when, now, past = memory.before, memory.when, state.numbers[TIME], state.past
-    slot = done % len(kept)
+    if kept is None:
+        return
+    now, past = state.numbers[TIME], state.past
+    slot = done % len(when)
     members, terms = past.shape
-    if done >= len(kept):
-        for j in range(len(kept)):
+    if done >= len(when):
+        for j in range(len(when)):
             if j != slot:
                 for q in range(terms):
-                    decay = math.exp(-memory.rates[q] * (when[j] - when[slot]))
+                    decay = math.exp(-rates[q] * (when[j] - when[slot]))
                     for a in range(members):
                         kept[j, a, q] -= decay * kept[slot, a, q]
         for q in range(terms):
-            decay = math.exp(-memory.rates[q] * (now - when[slot]))
+            decay = math.exp(-rates[q] * (now - when[slot]))
             for a in range(members):
                 past[a, q] -= decay * kept[slot, a, q]
     when[slot] = now
@@ -733,14 +736,13 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
     flight[TAKEN] += 1.0
     # the state and the memory after the impact
     if len(problem.where) > 0:
-        if len(memory.when) > 0:
-            forget(memory, state, int(flight[TAKEN]) - 1)
+        forget(memory.before, memory.when, memory.rates, state, int(flight[TAKEN]) - 1)
         before_x, before_z = s[d], s[2 * d - 1]
         before_y = 0.0 if model.across is None else s[d + 1]
         state.jump[0], state.jump[d - 1] = u - stream - before_x, w - before_z
         if model.across is not None:
             state.jump[1] = v - before_y
-        if memory.rebound == RESTART or memory.rebound == RESET:
+        if memory.rebound in (RESTART, RESET):
             past = state.past
             for a in range(past.shape[0]):
                 for q in range(past.shape[1]):
@@ -748,7 +750,7 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
             state.jump[0], state.jump[d - 1] = u - stream, w
             if model.across is not None:
                 state.jump[1] = v
-        if memory.rebound == RESET or memory.rebound == NOTHING:
+        if memory.rebound in (RESET, NOTHING):
             for a in range(len(state.jump)):
                 state.jump[a] = 0.0
     s[d], s[2 * d - 1] = u - stream, w
@@ -821,7 +823,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             watch(model, work.polynomial, state.y, kind, h, min(contact, 1.0), flight)
             if contact > 1.0:
                 keep_rate(nodes, kind, h, values, work)
-                accept(problem, nodes, tables, state, values, record, done)
+                accept(problem, nodes, tables, state, values, record, int(done))
                 if recording:
                     done += 1
                 continue
