@@ -320,11 +320,14 @@ class Basis(Table):
         return max(1e3, 20.0 * (self.run.jumps or 1))
 
 
+TABLES: dict[str, Any] = {
+    name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()
+}
 Scene: Any = create_model(
     "Scene",
     __base__=Basis,
     __doc__="A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.",
-    **{name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()},
+    **TABLES,
 )
 
 
@@ -341,7 +344,7 @@ def sentence(error: ValidationError) -> str:
         return f"{path} is missing: {_describe(place)}"
     if kind == "value_error":
         text = str(context["error"])
-        named = text.split(" ")[0].split(".")[0].rstrip(":") in {*Basis.model_fields, *EFFECTS}
+        named = text.split(" ", maxsplit=1)[0].split(".", maxsplit=1)[0].rstrip(":") in {*Basis.model_fields, *EFFECTS}
         return text if not path or (named and not place) else (f"{path} {text}" if text.startswith(("must", "needs")) else f"{path}.{text}")
     right = {
         "greater_than": f"greater than {context.get('gt')}",
@@ -405,13 +408,13 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
-def load(path: str | Path) -> Any:
-    """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
+def read(path: str | Path) -> dict[str, Any]:
+    """What a TOML file holds, or one of the scenes shipped by name ("sand.toml" or "sand"); not yet a validated scene.
 
     Raises
     ------
     SceneError
-        With one sentence, if the file is missing, is no TOML, or the scene is wrong.
+        With one sentence, if the file is missing or is no TOML.
     """
     file = Path(path)
     known = shipped()
@@ -421,9 +424,19 @@ def load(path: str | Path) -> Any:
             raise SceneError(f"scene {str(path)!r} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
         file = known[name]
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"scene {str(path)!r} is not valid TOML: {str(error)[0].lower()}{str(error)[1:]}") from None
     except OSError as error:
         raise SceneError(f"scene {str(path)!r} cannot be read: {error.strerror}") from None
-    return scene_of(content)
+
+
+def load(path: str | Path) -> Any:
+    """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
+
+    Raises
+    ------
+    SceneError
+        With one sentence, if the file is missing, is no TOML, or the scene is wrong.
+    """
+    return scene_of(read(path))
