@@ -102,6 +102,18 @@ class TestMisprints:
                 assert LAWS[2].strike(UP, u, o) == pytest.approx(LAWS[0].strike(UP, u, o), abs=1e-13)
         assert agreed > 500
 
+    def test_tilted_planes(self):
+        """Both misprints in the axes of the plane: one along the stream, one across, one along the normal."""
+        rng = np.random.default_rng(12)
+        for u, o in impacts(300, 13):
+            n = rng.standard_normal(3)
+            n /= np.linalg.norm(n)
+            along = np.array([n[2], 0.0, -n[0]]) / math.hypot(n[0], n[2])
+            axes = np.array([along, np.cross(n, along), n])
+            for law in LAWS[2:]:
+                own = np.reshape(law.strike(UP, axes @ u, axes @ o), (3, 3))
+                assert np.allclose(np.reshape(law.strike(n, u, o), (3, 3)), own @ axes, atol=1e-12)
+
     def test_without_slip_there_is_no_friction(self):
         assert LAWS[2].strike(UP, (1.0, 0.0, -1.0), (0.0, 2.0, 0.0)) == pytest.approx((1.0, 0.0, 0.95, 0.0, 2.0, 0.0, 0.0, 0.0, 1.95), abs=1e-15)
 
