@@ -6,7 +6,7 @@ from typing import Any
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = "#000000", "#E69F00", "#56B4E9", "#009E73", "#C9B800", "#0072B2", "#D55E00", "#CC79A7"
 GREY, PURPLE, BROWN = "#777777", "#7A4FA3", "#5B3A1E"
-LOOK = {
+LOOK: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 11,
     "axes.spines.top": False,
