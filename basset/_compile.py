@@ -20,12 +20,20 @@ import numba
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+MARKS = (b"_compile", b"NamedTuple")
+
+
 def source_digest(root: Path) -> str:
-    """SHA-256 over the names and contents of all Python files below `root`."""
+    """SHA-256 over the names and contents of all Python files below `root` that compiled code may come from.
+
+    These import from this file or define the NamedTuples whose methods are compiled; no other edit makes anything stale.
+    """
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
+        content = path.read_bytes()
+        if any(mark in content for mark in MARKS):
+            digest.update(str(path.relative_to(root)).encode())
+            digest.update(content)
     return digest.hexdigest()
 
 
@@ -95,35 +103,44 @@ def _load(typingctx, address, index):
 
 @numba.extending.overload(load)
 def _load_compiled(address, index):
-    return lambda address, index: _load(address, index)
+    def compiled_load(address, index):
+        return _load(address, index)  # type: ignore[call-arg]  # the typing context is numba's
+
+    return compiled_load
 
 
 def method(name: str, arguments: int) -> Callable[..., Any]:
-    """A function (self, …) that calls the method `name` of a NamedTuple with that many arguments, in compiled code too.
+    """A function (self, …) that calls the method `name` of a NamedTuple with 1 or 3 arguments, in compiled code too.
 
     Types select: in compiled code the method is found when the caller is compiled, so a tuple of NamedTuples is a family of
     interchangeable parts without branches, and new parameter values never recompile.
     """
 
-    def call(self: Any, *values: Any) -> Any:
-        return getattr(self, name)(*values)
+    def one(self: Any, a: Any) -> Any:
+        return getattr(self, name)(a)
 
-    def one(self, a):
+    def three(self: Any, a: Any, b: Any, c: Any) -> Any:
+        return getattr(self, name)(a, b, c)
+
+    def compiled_one(self, a):
         found = numba.extending.register_jitable(getattr(self.instance_class, name))
-        return lambda self, a: found(self, a)
 
-    def two(self, a, b):
+        def call(self, a):
+            return found(self, a)
+
+        return call
+
+    def compiled_three(self, a, b, c):
         found = numba.extending.register_jitable(getattr(self.instance_class, name))
-        return lambda self, a, b: found(self, a, b)
 
-    def three(self, a, b, c):
-        found = numba.extending.register_jitable(getattr(self.instance_class, name))
-        return lambda self, a, b, c: found(self, a, b, c)
+        def call(self, a, b, c):
+            return found(self, a, b, c)
 
-    plain: list[Callable[..., Any]] = [lambda self, a: call(self, a), lambda self, a, b: call(self, a, b), lambda self, a, b, c: call(self, a, b, c)]
-    function = plain[arguments - 1]
-    numba.extending.overload(function)((one, two, three)[arguments - 1])
-    return function
+        return call
+
+    plain, form = (one, compiled_one) if arguments == 1 else (three, compiled_three)
+    numba.extending.overload(plain)(form)
+    return plain
 
 
 @lru_cache(maxsize=64)

@@ -113,8 +113,7 @@ class Engine:
         self.prescribed = None
         if "rotation" in names and scene.options("rotation").law == "prescribed":
             self.prescribed = prescribed_spin(numbers.stage)
-        self.restitution = self._restitution(scene.bed)
-        self.bed = self._bed(scene.bed)
+        self.bed = self._bed(scene.bed) if scene.bed is not None else None
         rtol = scene.solver.rtol
         digits = -math.log10(rtol)
         stages = max(4, round(1.1 * digits - 0.5))
@@ -141,13 +140,9 @@ class Engine:
         c1, c2 = KERNELS[self.scene.options("history").kernel]
         table = slip_table(self.tables.tail, c1, horizon)
         local = local_shortfall(self.tables.count, c1)
-        return flight.Finite(
-            c1, c2, self.numbers.reynolds, table.log_rates, table.low, table.inverse_step, table.values, local, LOCAL_LOW, 1.0 / LOCAL_STEP
-        )
+        return flight.Finite(c1, c2, self.numbers.reynolds, table.log_rates, table.low, table.inverse_step, table.values, local, LOCAL_LOW, 1.0 / LOCAL_STEP)
 
-    def _restitution(self, bed: Any) -> Restitution | None:
-        if bed is None:
-            return None
+    def _restitution(self, bed: Any) -> Restitution:
         stokes = self.numbers.stokes(1.0)
         if bed.restitution == "set1":
             return Restitution(max(0.0, 0.75 - 0.25 * self.numbers.stage), 0.0, stokes)
@@ -155,15 +150,14 @@ class Engine:
             return Restitution(0.97, 35.0, stokes)
         return Restitution(float(bed.restitution), 0.0, stokes)
 
-    def _bed(self, bed: Any) -> flight.Bed | None:
-        if bed is None:
-            return None
+    def _bed(self, bed: Any) -> flight.Bed:
+        restitution = self._restitution(bed)
         added = 1.0 + self.numbers.added_mass / self.numbers.density_ratio if bed.contact_mass == "immersed" else 1.0
         rebound: Any = {
-            "tsuji": lambda: Tsuji(self.restitution, bed.friction, added),
-            "garcia_nino": lambda: GarciaNino(self.restitution, bed.tangential_retention),
-            "tsuji_printed": lambda: TsujiPrinted(self.restitution, bed.friction),
-            "sliding_only": lambda: SlidingOnly(self.restitution, bed.friction),
+            "tsuji": lambda: Tsuji(restitution, bed.friction, added),
+            "garcia_nino": lambda: GarciaNino(restitution, bed.tangential_retention),
+            "tsuji_printed": lambda: TsujiPrinted(restitution, bed.friction),
+            "sliding_only": lambda: SlidingOnly(restitution, bed.friction),
         }[bed.rebound]()
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
@@ -250,6 +244,19 @@ class Grain:
 
 def room(stages: int, states: int, members: int) -> flight.Work:
     """Work space of one flight."""
-    shapes: list[tuple[int, ...]] = [(stages, states), (stages, states), (states, stages, stages), (stages, stages), (stages, members), (stages, members), (stages,)]
-    shapes += [(states,), (stages, states), (1,), (stages + 1, states), (2, states), (2, states)]
-    return flight.Work(*(np.zeros(shape) for shape in shapes), stages_of(stages).between ** 2)
+    shapes: dict[str, tuple[int, ...]] = {
+        "rates": (stages, states),
+        "states": (stages, states),
+        "inverse": (states, stages, stages),
+        "matrix": (stages, stages),
+        "force": (stages, members),
+        "extra": (stages, members),
+        "residual": (stages,),
+        "diagonal": (states,),
+        "rate": (stages, states),
+        "past": (1,),
+        "polynomial": (stages + 1, states),
+        "here": (2, states),
+        "out": (2, states),
+    }
+    return flight.Work(**{name: np.zeros(shape) for name, shape in shapes.items()}, halfway=stages_of(stages).between ** 2)

@@ -19,6 +19,7 @@ from basset.quadrature import Daitche
 from basset.solvers import _march
 from basset.solvers.fixed_step import adams_moulton
 from saltation import flight
+from saltation._random import uniforms
 from saltation.bed.roughness import facing
 from saltation.engine import Engine, Grain
 from saltation.flow import both
@@ -130,7 +131,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 path[done, 1 + a], path[done, 1 + n + a] = y[a], rates[0, a]
             done += 1
             if bed is not None and w <= 0.0 and y[d - 1] < bed.highest:
-                draws = flight.uniforms(bed.seed, bed.grain, int(flight_[flight.IMPACTS]))
+                draws = uniforms(bed.seed, bed.grain, int(flight_[flight.IMPACTS]))
                 u = y[d] + both(model.profile, y[d - 1])[0]
                 v = 0.0 if model.across is None else y[d + 1]
                 if y[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
@@ -223,9 +224,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
             kept.append(path[:done].copy())
         if code == IMPACT:
             grain.flight[flight.DONE] = 0.0
-            code = strike(
-                engine.model, grain.bed, memory, engine.problem, state, grain.spin, grain.flight, grain.work, engine.limits, jumps, engine.prescribed
-            )
+            code = strike(engine.model, grain.bed, memory, engine.problem, state, grain.spin, grain.flight, grain.work, engine.limits, jumps, engine.prescribed)
             rows.append(jumps.copy())
             after = rate()
             if m:
@@ -242,7 +241,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
                 kept.append(np.concatenate([[state.numbers[_march.TIME]], state.y, np.full(n, np.nan)])[None])
             if progress is not None and wanted:
                 progress(min(1.0, grain.flight[flight.TAKEN] / wanted))
-            if code == flight.ACCEPTED:
+            if code == _march.ACCEPTED:
                 continue
         if code != _march.FULL:
             break

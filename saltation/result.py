@@ -21,6 +21,7 @@ from numpy.polynomial import legendre
 from basset import __version__
 from basset.kernels import Floats
 from saltation import flight, regressions, statistics
+from saltation.effects import EFFECTS
 from saltation.engine import Engine
 from saltation.scene import scene_of
 
@@ -197,8 +198,8 @@ class Result:
 
     def dataset(self) -> xr.Dataset:
         """Everything as one dataset: the jumps along `jump`, the path along `time` if it was kept, the rest as attributes."""
-        variables = {f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), {"units": UNITS[name][0], "long_name": UNITS[name][1]}) for name in self.all_jumps}
-        whole = xr.Dataset(variables)
+        told = {name: dict(zip(("units", "long_name"), UNITS[name], strict=True)) for name in self.all_jumps}
+        whole = xr.Dataset({f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), told[name]) for name in self.all_jumps})
         if self._path is not None or self._record is not None:
             whole = whole.merge(self.trajectory, combine_attrs="override")
         numbers = self.scene.numbers
@@ -255,8 +256,9 @@ def open_result(path: str | os.PathLike[str]) -> Result:
 
 def path_of(engine: Engine, record: flight.Record, jumps: pd.DataFrame) -> xr.Dataset:
     """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut."""
-    tables, d = engine.tables, engine.dimensions
+    tables = engine.tables
     count = tables.count
+    record = flight.Record(*(array[record.share > 0.0] for array in record))  # a rebound may leave no flight at all
     singular = record.kind == 1.0
     takeoff = np.zeros(len(record.start), dtype=bool)
     takeoff[0] = True
@@ -311,8 +313,9 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, jumps:
     if engine.members:
         acceleration = rates[:, d : 2 * d].copy()
         acceleration[:, 0] += shear * slip[:, 2]
+        told = "acceleration by the history force (NaN at takeoff: infinite)"
         for k, (axis, place) in enumerate(axes.items()):
-            columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", "acceleration by the history force (NaN at takeoff: infinite)"
+            columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", told
     data = {name: ("time", values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
     numbers = engine.numbers
     coordinate = ("time", times, {"units": "d/u*", "long_name": "time"})
@@ -385,13 +388,13 @@ def provenance(engine: Engine, jumps: pd.DataFrame) -> dict[str, Any]:
         "stokes": [float(counted["stokes"].min()), float(counted["stokes"].max())] if len(counted) else None,
         "clipped": share(counted["clipped"] > 0.0),
         "creeping": share(counted["height"] < CREEP),
-        "outside_validity": [text for name in scene.names if hasattr(module := _module(name), "warnings") for text in module.warnings(scene.options(name), numbers)],
+        "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)],
         "seed": scene.run.seed,
         "versions": {"basset": __version__} | {name: version(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
     }
 
 
-def _module(name: str) -> Any:
-    from saltation.effects import EFFECTS
-
-    return EFFECTS[name]
+def _warnings(name: str, scene: Any, numbers: Any) -> list[str]:
+    """What an effect has to say about its range in this scene."""
+    found = getattr(EFFECTS[name], "warnings", None)
+    return found(scene.options(name), numbers) if found is not None else []

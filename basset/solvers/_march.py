@@ -179,10 +179,8 @@ def _make_decay(digest: str) -> Callable[..., Any]:
                     coefficient += regular[i, k] * values[k, a]
                 oldest, older, before, last = older, before, last, h * abs(coefficient)
             end = y[a] + h * end
-            if count == 2:
-                decay = min(1.0, last / max(before, 1e-300))
-            else:  # parity may hide one coefficient: compare pairs
-                decay = math.sqrt(min(1.0, max(last, before) / max(1e-300, older, oldest)))
+            # parity may hide one coefficient: from three stages on compare pairs
+            decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
             tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
             if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
                 kink = -rate[a]
