@@ -1,0 +1,143 @@
+"""What a scene means before it is run: its dimensionless numbers, what will be computed and what not, and what to be wary of."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from scipy.optimize import brentq
+
+from saltation.effects import EFFECTS
+from saltation.effects.drag import LAWS
+from saltation.engine import Engine
+from saltation.flow import PROFILES, REGIMES
+
+
+class Number(NamedTuple):
+    """One dimensionless number: symbol, value, what it is."""
+
+    symbol: str
+    value: float
+    meaning: str
+
+
+def numbers(scene: Any) -> list[Number]:
+    """The dimensionless numbers of a scene; those of the stream only where there is one."""
+    n = scene.numbers
+    found = [
+        Number("rho_s/rho", n.density_ratio, "density of the grain over the fluid's"),
+        Number("R_p", n.particle_reynolds, "particle Reynolds number √(R g d³)/ν"),
+    ]
+    if scene.channel is not None:
+        height = scene.channel.roughness_height or scene.grain.diameter
+        found += [
+            Number("τ*", n.shields, "Shields parameter"),
+            Number("τ*c", n.critical_shields, "its critical value"),
+            Number("T", n.stage, "transport stage τ*/τ*c"),
+            Number("k_s+", n.reynolds * height / n.diameter, "roughness Reynolds number u* k_s/ν"),
+        ]
+    found += [
+        Number("Re*", n.reynolds, "Reynolds number V d/ν; V is u*, or √(|R| g d) in still water"),
+        Number("α", n.alpha, "1/(1 + R + C_m)"),
+    ]
+    if "history" in scene.names:
+        found.append(Number("c", n.history, "coefficient of the history force, 9α/√(π Re*)"))
+    if scene.bed is not None:
+        found.append(Number("St/V_n", n.stokes(1.0), "collision Stokes number of an impact at unit normal speed V"))
+    speed = settling_velocity(scene)
+    if speed is not None and scene.channel is not None:
+        found.append(Number("w_s/u*", speed / n.velocity, "settling velocity over shear velocity"))
+    return found
+
+
+def settling_velocity(scene: Any) -> float | None:
+    """Terminal velocity in still water in m/s, by the scene's law of drag; None without weight or drag, or for a grain that does not sink."""
+    n = scene.numbers
+    if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
+        return None
+    factor = LAWS[scene.options("drag").law].factor
+
+    def excess(logarithm: float) -> float:  # of the drag over the weight at a speed in V
+        speed = math.exp(logarithm)
+        return float(18.0 / n.reynolds * factor(speed * n.reynolds) * speed * n.shields - 1.0)
+
+    return float(math.exp(brentq(excess, -40.0, 40.0)) * n.velocity)
+
+
+def computed(scene: Any) -> dict[str, str]:
+    """What a run of the scene computes."""
+    engine = Engine(scene)
+    axes = "xz" if scene.in_plane else "xyz"
+    names = [*axes, *({"x": "u", "y": "v", "z": "w"}[axis] for axis in axes)]
+    if engine.turning is not None:
+        names += ["spin_y"] if scene.in_plane else ["spin_x", "spin_y", "spin_z"]
+    found = {"state": f"{engine.states} numbers: {', '.join(names)}"}
+    if engine.prescribed is not None:
+        found["spin"] = f"prescribed, {engine.prescribed:.4g} u*/d"
+    elif engine.turning is None and scene.turns:
+        found["spin"] = "changes at contacts only"
+    found["forces"] = ", ".join(engine.force_names) or "none"
+    if engine.members:
+        found["memory"] = _memory(scene, engine)
+    stream = scene.channel
+    if stream is not None:
+        profile = REGIMES.get(stream.profile, stream.profile)
+        found["stream"] = f"{stream.profile}: {PROFILES[profile]}, u* = {scene.numbers.velocity:.4g} m/s"
+    if scene.bed is not None:
+        bed = scene.bed
+        friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
+        found["bed"] = f"{bed.rebound}, e = {bed.restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, read as {bed.reading}"
+    solver = scene.solver
+    found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
+    length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
+    found["run"] = f"{length}; seed {scene.run.seed}"
+    return found
+
+
+def _memory(scene: Any, engine: Engine) -> str:
+    options = scene.options("history")
+    after = f"; at a rebound: {options.rebound}" if scene.bed is not None else ""
+    if scene.solver.method != "collocation":
+        return f"{engine.members} components of the slip, {scene.history_rule()!r}{after}"
+    last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
+    return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {engine.horizon:g} d/u* long{last}{after}"
+
+
+def left_out(scene: Any) -> list[str]:
+    """What a run of the scene does not compute: no state, no memory, no time goes into it."""
+    missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names]
+    if not scene.turns:
+        missing.append("spin (nothing reads it)")
+    if scene.in_plane:
+        missing.append("motion across the stream (two dimensions)")
+    if scene.channel is None:
+        missing.append("a stream (no [channel])")
+    if scene.bed is None:
+        missing.append("a bed (no [bed])")
+    return missing
+
+
+def ignored(scene: Any) -> list[str]:
+    """Names of the tables that a scene gives for effects that it does not have."""
+    return [name for name in EFFECTS if name not in scene.names and getattr(scene, name) is not None]
+
+
+def warnings(scene: Any) -> list[str]:
+    """What to be wary of, one sentence or two each."""
+    n = scene.numbers
+    found = [f"[{name}] is ignored: {name!r} is not among the effects" for name in ignored(scene)]
+    if scene.channel is not None and n.stage < 1.0:
+        found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: the regressions say that nothing jumps")
+    speed = settling_velocity(scene)
+    if scene.channel is not None and speed is not None and speed < n.velocity:
+        most = n.stage * (speed / n.velocity) ** 2
+        found.append(
+            f"suspension: the settling velocity {speed:.3g} m/s is below u* = {n.velocity:.3g} m/s (from T = {most:.3g} on); such grains are carried by "
+            "turbulence, which is not computed (van Rijn 1984, J. Hydraul. Eng. 110, 1613)"
+        )
+    if scene.bed is not None and ("weight" not in scene.names or n.density_ratio < 1.0):
+        why = "weight is not among the effects" if "weight" not in scene.names else "it is lighter than the fluid"
+        found.append(f"the grain may never come down: {why}")
+    for name in scene.names:
+        found += getattr(EFFECTS[name], "warnings", lambda options, numbers: [])(scene.options(name), n)
+    return found

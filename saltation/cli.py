@@ -1,0 +1,472 @@
+"""The commands `saltation run|check|schema|scenes|campaign|plot`.
+
+A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import math
+import os
+import signal
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import IO, Any
+
+import click
+import pandas as pd
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+import saltation
+from basset import __version__, _validate
+from saltation import campaigns, checks, statistics
+from saltation.result import UNITS, Result
+from saltation.scene import Scene, SceneError, read, scene_of, shipped
+
+SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
+WIDTH = 160  # of tables that go to a file or a pipe
+OWN = {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")} | {
+    "dimensions",
+    "grain.diameter",
+    "channel.transport_stage",
+    "channel.shear_velocity",
+    "rotation.law",
+}  # what the thesis's runs differ in
+
+
+class Mistake(click.ClickException):
+    """What a user can mend."""
+
+    exit_code = 2
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """The sentence, without the ornaments of a usage error."""
+        click.echo(self.format_message(), err=True, file=file)
+
+
+class Commands(click.Group):
+    """The group; a bad scene is a mistake wherever it is met."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except SceneError as error:
+            raise Mistake(str(error)) from None
+
+
+@click.group(cls=Commands)
+@click.version_option(__version__, package_name="basset")
+def main() -> None:
+    """Sand grains hopping over a river bed, with the history force."""
+
+
+def console(error: bool = False) -> Console:
+    """Where tables and progress go."""
+    made = Console(stderr=error, markup=False, highlight=False)
+    return made if made.is_terminal else Console(stderr=error, markup=False, highlight=False, width=WIDTH)
+
+
+@contextlib.contextmanager
+def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterator[Callable[[float], None]]:
+    """A bar on a terminal, nothing elsewhere; what is yielded takes the share that is done."""
+    screen = console(error=True)
+    with Progress(TextColumn(name), BarColumn(), *columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
+        task = bar.add_task(name, total=total)
+        yield lambda share: bar.update(task, completed=share * total)
+
+
+# Scenes
+
+
+def split_field(option: str, text: str) -> tuple[list[str], str]:
+    """(names, value) of "table.field=value"."""
+    path, equals, value = text.partition("=")
+    names = path.strip().split(".")
+    if not equals or not all(names):
+        raise Mistake(f"{option} must be table.field=value, got {text!r}")
+    return names, value.strip()
+
+
+def value_of(text: str) -> Any:
+    """A value as in TOML; words need no quotes."""
+    with contextlib.suppress(tomllib.TOMLDecodeError):
+        found = tomllib.loads(f"value = {text}")
+        if set(found) == {"value"}:
+            return found["value"]
+    return text
+
+
+def values_of(text: str) -> list[Any]:
+    """Values separated by commas."""
+    with contextlib.suppress(tomllib.TOMLDecodeError):
+        found = tomllib.loads(f"values = [{text}]")
+        if set(found) == {"values"}:
+            return list(found["values"])
+    return [value_of(word.strip()) for word in text.split(",")]
+
+
+def place(option: str, content: dict[str, Any], names: Sequence[str], value: Any) -> None:
+    """Put a value into a field of a scene's content; "" takes the field out."""
+    table = content
+    for depth, name in enumerate(names[:-1], 1):
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise Mistake(f"{option} {'.'.join(names)}: {'.'.join(names[:depth])} is a field, not a table")
+    if value == "":
+        table.pop(names[-1], None)
+    else:
+        table[names[-1]] = value
+
+
+def changed(content: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
+    """A scene's content with every --set applied."""
+    copy: dict[str, Any] = json.loads(json.dumps(content)) if changes else content
+    for change in changes:
+        names, value = split_field("--set", change)
+        place("--set", copy, names, value_of(value) if value else "")
+    return copy
+
+
+SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE", help="Change a field of the scene; an empty value takes it out.")
+
+
+# Commands
+
+
+@main.command("run")
+@click.argument("scene")
+@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes (netCDF).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+@SET
+@click.option("--quiet", is_flag=True, help="Print nothing but mistakes and failures.")
+def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], quiet: bool) -> None:
+    """Simulate SCENE, a TOML file or the name of a shipped scene."""
+    made = scene_of(changed(read(scene), changes))
+    if output is not None:
+        check_output(output, force)
+    with progress("flying", TimeElapsedColumn()) if not quiet else contextlib.nullcontext() as report:
+        result = saltation.run(made, report)
+    if not quiet:
+        print_result(result)
+    elif result.status != "finished":
+        click.echo(f"{result.status}: {result.message}", err=True)
+    if output is not None:
+        with mistakes_of_files("--output"):
+            result.save(output)
+        if not quiet:
+            click.echo(f"written: {output}")
+    if result.status == "failed":
+        sys.exit(1)
+
+
+@main.command()
+@click.argument("scene")
+@SET
+def check(scene: str, changes: tuple[str, ...]) -> None:
+    """What SCENE means: its numbers, what will be computed and what not, and warnings."""
+    made = scene_of(changed(read(scene), changes))
+    out = console()
+    table = Table("number", "value", "meaning", box=None)
+    for number in checks.numbers(made):
+        table.add_row(number.symbol, f"{number.value:.5g}", number.meaning)
+    out.print(table)
+    out.print("\ncomputed")
+    table = Table(box=None, show_header=False)
+    for name, text in checks.computed(made).items():
+        table.add_row(name, text)
+    out.print(table)
+    out.print(f"\nnot computed: {', '.join(checks.left_out(made)) or 'nothing is left out'}")
+    for warning in checks.warnings(made):
+        out.print(f"\nwarning: {warning}")
+
+
+@main.command()
+def schema() -> None:
+    """The JSON schema of a scene."""
+    click.echo(json.dumps(Scene.model_json_schema(), indent=2, ensure_ascii=False))
+
+
+@main.command()
+def scenes() -> None:
+    """The scenes that come with the package."""
+    table = Table(box=None, show_header=False)
+    for name, path in shipped().items():
+        table.add_row(name, path.read_text(encoding="utf-8").splitlines()[0].lstrip("# "))
+    console().print(table)
+
+
+@main.command()
+@click.argument("what", nargs=-1, required=True, metavar="thesis|SCENE...")
+@click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder of the tables and of what is finished.")
+@SET
+@click.option("--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; several: all combinations.")
+@click.option("--workers", type=int, help="Number of processes.  [default: all cores]")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on a dask cluster instead.")
+@click.option("--reference", type=click.Path(path_type=Path), help="Measured means to judge by (CSV: variable, T, mean, sd, n, source).")
+@click.option("--reference-particle-reynolds", "reference_reynolds", type=float, default=73.0, show_default=True, help="R_p that the reference is for.")
+def campaign(
+    what: tuple[str, ...],
+    output: Path,
+    changes: tuple[str, ...],
+    varied: tuple[str, ...],
+    workers: int | None,
+    scheduler: str | None,
+    reference: Path | None,
+    reference_reynolds: float,
+) -> None:
+    """Run many scenes and rank them: the thesis's 256, or your own files.
+
+    What is finished is kept in the output folder: stopped in any way, the same command goes on from there.
+    """
+    if workers is not None and workers < 1:
+        raise Mistake(f"--workers must be a whole number, 1 or greater, got {workers}")
+    if workers is not None and scheduler is not None:
+        raise Mistake("--workers and --scheduler exclude each other: a cluster has its own workers")
+    if output.exists() and not output.is_dir():
+        raise Mistake(f"--output must be a folder, got the file {str(output)!r}")
+    measured = read_reference(reference) if reference is not None else None
+    runs, models = planned(what, changes, varied)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
+            columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
+            with progress("campaign", *columns, total=len(runs)) as report:
+                table = campaigns.campaign(runs, executor, progress=report, store=output / "store")
+            campaigns.write(output / "table.csv", table.to_csv(index=False))
+    except KeyboardInterrupt:
+        click.echo(f"stopped: what is finished is kept in {str(output)!r}, the same command goes on from there", err=True)
+        sys.exit(130)
+    out = console()
+    counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
+    out.print(f"{len(table)} scenes: {counts}")
+    if "thesis" not in what:
+        print_means(out, table)
+    if not table["stage"].isna().any():
+        try:
+            ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
+        except ValueError as error:
+            raise Mistake(f"written: {output / 'table.csv'}; no ranking: {error}") from None
+        campaigns.write(output / "ranking.csv", ranking.to_csv(index=False))
+        print_ranking(out, ranking)
+    out.print(f"written: {output}")
+
+
+@main.command()
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("--figure", "names", multiple=True, metavar="NAME", help="Which; default all that the result allows.")
+@click.option("--output", type=click.Path(path_type=Path), help="The picture, PNG, PDF or SVG; several figures: NAME is added to each.")
+def plot(result: Path, names: tuple[str, ...], output: Path | None) -> None:
+    """Draw figures of RESULT, a file that `saltation run --output` wrote."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from saltation.plots import PLOTS
+
+    for name in names:
+        if name not in PLOTS:
+            raise Mistake(f"--figure must be one of {', '.join(map(repr, PLOTS))}, got {name!r}{_validate.suggestion(name, PLOTS)}")
+    target = output or result.with_suffix(".png")
+    if target.suffix not in (".png", ".pdf", ".svg"):
+        raise Mistake(f"--output must end in .png, .pdf or .svg, got {str(target)!r}")
+    if not target.parent.is_dir():
+        raise Mistake(f"--output: the folder {str(target.parent)!r} does not exist")
+    with mistakes_of_files("RESULT"):
+        opened = open_result(result)
+    chosen = list(dict.fromkeys(names)) or list(PLOTS)
+    for name in chosen:
+        try:
+            figure = PLOTS[name](opened)
+        except ValueError as error:
+            if names:
+                raise Mistake(f"--figure {name}: {error}") from None
+            click.echo(f"left out: {name}, {error}", err=True)
+            continue
+        path = target if len(chosen) == 1 else target.with_stem(f"{target.stem}_{name}")
+        with mistakes_of_files("--output"):
+            draw(figure, path)
+        click.echo(f"written: {path}")
+
+
+# What commands share
+
+
+@contextlib.contextmanager
+def mistakes_of_files(option: str) -> Iterator[None]:
+    """What the file system refuses is a mistake."""
+    try:
+        yield
+    except OSError as error:
+        raise Mistake(f"{option}: {str(error.filename or '')!r} cannot be used: {error.strerror or error}") from None
+
+
+def check_output(path: Path, force: bool) -> None:
+    """Refuse before anything is computed."""
+    if path.is_dir():
+        raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
+    if not path.parent.is_dir():
+        raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
+    if path.exists() and not force:
+        raise Mistake(f"--output: {str(path)!r} exists already; --force overwrites it")
+
+
+def open_result(path: Path) -> Result:
+    """A result from a file."""
+    try:
+        return saltation.open(path)
+    except (TypeError, ValueError, KeyError):
+        raise Mistake(f"RESULT must be a file that `saltation run --output` wrote, got {str(path)!r}") from None
+
+
+def draw(figure: Any, path: Path) -> None:
+    """A picture, whole or not at all."""
+    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        figure.savefig(part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read_reference(path: Path) -> pd.DataFrame:
+    """Measured means."""
+    try:
+        return statistics.read_reference(path)
+    except OSError as error:
+        raise Mistake(f"--reference: {str(path)!r} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise Mistake(f"--reference: {error}") from None
+
+
+def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) -> tuple[list[tuple[dict[str, Any], Any]], list[str]]:
+    """(labelled scenes, the labels that make a model)."""
+    axes = [axis_of(text) for text in varied]
+    fields = [".".join(names) for names, _ in axes]
+    if what[0] == "thesis" and len(what) == 1:
+        for option, field in [("--set", change.partition("=")[0].strip()) for change in changes] + [("--vary", field) for field in fields]:
+            if field in OWN:
+                raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
+        base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in campaigns.thesis()]
+        models = list(campaigns.MODEL)
+    else:
+        stems = [Path(name).stem for name in what]
+        base = [({"scene": stem if stems.count(stem) == 1 else name}, read(name)) for stem, name in zip(stems, what, strict=True)]
+        models = ["scene"]
+    models += [field for field in fields if not field.startswith(("grain.", "fluid.")) and field not in ("channel.transport_stage", "channel.shear_velocity")]
+    runs = []
+    for labels, content in base:
+        for values in itertools.product(*(values for _, values in axes)):
+            copy = json.loads(json.dumps(content))
+            for (names, _), value in zip(axes, values, strict=True):
+                place("--vary", copy, names, value)
+            scene = scene_of(changed(copy, changes))
+            own = {**labels, **{field: value if isinstance(value, (int, float, str)) else str(value) for field, value in zip(fields, values, strict=True)}}
+            for name, actual in (("particle_reynolds", scene.numbers.particle_reynolds), ("stage", scene.numbers.stage)):
+                if name not in own or not math.isclose(own[name], actual):
+                    own[name] = actual
+            runs.append((own, scene))
+    return runs, models
+
+
+def axis_of(text: str) -> tuple[list[str], list[Any]]:
+    """(names, values) of a --vary."""
+    names, values = split_field("--vary", text)
+    found = values_of(values) if values else []
+    if not found:
+        raise Mistake(f"--vary must be table.field=v1,v2,…, got {text!r}")
+    return names, found
+
+
+@contextlib.contextmanager
+def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
+    """None (the default), so many processes, or a cluster's."""
+    if scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise Mistake("--scheduler needs dask: pip install 'basset[cluster]'") from None
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            raise Mistake(f"--scheduler: no cluster answers at {scheduler!r}: {' '.join(str(error).split())}") from None
+        with client:
+            yield client.get_executor()
+    elif workers is not None:
+        with campaigns.processes(workers) as pool:
+            yield pool
+    else:
+        yield None
+
+
+# What commands print
+
+
+def print_result(result: Result) -> None:
+    """Summary, bed load, and what to be wary of."""
+    out = console()
+    out.print(f"{result.status}: {result.message}; {len(result.jumps)} jumps count")
+    if len(result.jumps):
+        table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
+        for column in range(1, 4):
+            table.columns[column].justify = "right"
+        for name, row in result.summary().iterrows():
+            values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
+            table.add_row(str(name), *values, UNITS[str(name)][0])
+        out.print(table)
+    if result.scene.numbers.stage is not None and len(result.jumps):
+        load = result.bed_load()
+        out.print(
+            f"bed load q* {load['rate']:.3g} (dynamic friction {load['dynamic_friction']:.3g}); "
+            f"Meyer-Peter & Müller {load['meyer_peter_mueller']:.3g}, Wong & Parker {load['wong_parker']:.3g}"
+        )
+    known = result.provenance
+    if known["stokes"] is not None:
+        low, high = known["stokes"]
+        out.print(f"impacts: {known['clipped']:.0%} clipped at 30°, {known['creeping']:.0%} creeping, Stokes number {low:.3g} to {high:.3g}")
+    for text in known["outside_validity"]:
+        out.print(f"warning: {text}")
+
+
+def print_means(out: Console, table: pd.DataFrame) -> None:
+    """One line per scene."""
+    labels = [name for name in table if name not in campaigns.COLUMNS]
+    shown = Table(*labels, "height", "length", "velocity", "jumps", "status", box=None)
+    for _, row in table.iterrows():
+        means = (f"{row[name]:.4g} ± {row[f'{name}_se']:.2g}" for name in statistics.VARIABLES)
+        shown.add_row(*(_short(row[name]) for name in labels), *means, str(row["jumps"]), row["status"])
+    out.print(shown)
+
+
+def print_ranking(out: Console, ranking: pd.DataFrame) -> None:
+    """The best models: mean rank, and per R_p and source rank, error, and overlap or share inside the envelope."""
+    against = list(dict.fromkeys(zip(ranking["particle_reynolds"], ranking["source"], strict=True)))
+    heads = [f"R_p {reynolds:.4g}, {source}" for reynolds, source in sorted(against)]
+    shown = Table("model", "mean rank", *heads, box=None)
+    models = list(dict.fromkeys(ranking["model"]))
+    for model in models[:SHOWN]:
+        rows = ranking[ranking["model"] == model]
+        cells = []
+        for reynolds, source in sorted(against):
+            row = rows[(rows["particle_reynolds"] == reynolds) & (rows["source"] == source)]
+            cells.append(_score(row.iloc[0]) if len(row) else "")
+        shown.add_row(model, _short(rows["mean_rank"].iloc[0]), *cells)
+    out.print(shown)
+    if len(models) > SHOWN:
+        out.print(f"and {len(models) - SHOWN} more")
+
+
+def _score(row: pd.Series) -> str:
+    inside = f", {row['inside']:.0%} inside" if pd.notna(row["inside"]) else ""
+    overlap = f", overlap {row['overlap_index']:.0f} %" if pd.notna(row["overlap_index"]) else ""
+    return f"{_short(row['rank'])}: error {row['error_index']:.2f}{overlap}{inside}" if pd.notna(row["rank"]) else "no mean"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
