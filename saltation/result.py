@@ -98,7 +98,7 @@ class Result:
     all_jumps : DataFrame
         One row per jump from the first on; columns and units in `saltation.result.UNITS`.
     status, message : str
-        finished, at rest, aloft, horizon or failed; and why.
+        finished, at rest, creeping, aloft, horizon or failed; and why.
     provenance : dict
         Profile, roughness, reading, rebound memory, source of e, range of St, shares of impacts that were clipped, creep or
         lie outside a closure's range, versions, seed.

@@ -14,6 +14,7 @@ from saltation.engine import Engine, Grain
 from saltation.result import Result
 
 CHUNK = 4096  # steps between two visits of the caller
+SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {
     flight.JUMPS: ("finished", "all jumps are done"),
     _march.END: ("finished", "the time is over"),
@@ -39,7 +40,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
     Returns
     -------
     Result
-        With a status: finished, at rest, aloft, horizon or failed, and all that was done up to there.
+        With a status: finished, at rest, creeping, aloft, horizon or failed, and all that was done up to there.
 
     Examples
     --------
@@ -72,6 +73,8 @@ def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
         if code not in (_march.FULL, flight.CROWDED):
             break
     status, message = STATUS[code]
+    if code == flight.REST and abs(grain.flight[flight.U]) > SLIDING:
+        status, message = "creeping", "the grain slides along the bed: impacts follow each other without flight"
     path = flight.Record(*(np.concatenate(parts) for parts in zip(*kept, strict=True))) if kept else None
     return Result.of(engine, np.concatenate(rows), path, status, message)
 
