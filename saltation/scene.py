@@ -167,7 +167,7 @@ def _effects(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError(f"must be a list of at least one of {', '.join(map(repr, EFFECTS))}, got {_validate.shown(value)}")
     for name in value:
-        if name not in EFFECTS:
+        if not isinstance(name, str) or name not in EFFECTS:
             hint = _validate.suggestion(name, EFFECTS) if isinstance(name, str) else ""
             raise ValueError(f"must hold only {', '.join(map(repr, EFFECTS))}, got {_validate.shown(name)}{hint}")
         if list(value).count(name) > 1:
@@ -180,13 +180,13 @@ class Basis(Table):
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, or a preset by author: " + ", ".join(PRESETS))
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
-    fluid: Fluid = Fluid()
-    grain: Grain
-    channel: Channel | None = None
-    bed: Bed | None = None
-    start: Start = Start()
-    solver: Solver = Solver()
-    run: Run
+    fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
+    grain: Grain = Field(description="a table: density and diameter")
+    channel: Channel | None = Field(None, description="a table: the stream; left out for still water")
+    bed: Bed | None = Field(None, description="a table: rebound and roughness; left out where there is no bed")
+    start: Start = Field(Start(), description="a table: the first takeoff")
+    solver: Solver = Field(Solver(), description="a table: how flights are integrated")
+    run: Run = Field(description="a table: how long, and which random numbers")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -245,7 +245,9 @@ class Basis(Table):
             contacts = self.bed is not None and self.bed.rebound != "garcia_nino"
             spun = self.start.spin is not None and any(self.start.spin)
             if not ("rotation" in names or contacts or spun):
-                raise ValueError("effects: 'magnus' needs something that turns the grain: add 'rotation', a rebound with friction ('tsuji'), or start.spin (rad/s)")
+                raise ValueError(
+                    "effects: 'magnus' needs something that turns the grain: add 'rotation', a rebound with friction ('tsuji'), or start.spin (rad/s)"
+                )
         if "rotation" in names and self.options("rotation").law == "prescribed" and self.channel is None:
             raise ValueError("rotation.law = 'prescribed' needs a [channel]: its spin is a function of the transport stage")
         if self.bed is not None and self.bed.restitution == "set1" and self.channel is None:
@@ -254,8 +256,21 @@ class Basis(Table):
             raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {self.start.velocity}")
         if "history" in names:
             self._check_history()
-        self.numbers, self.profile  # noqa: B018 - refused here, with the scene
+        self._check_numbers()
         return self
+
+    def _check_numbers(self) -> None:
+        """What has no numbers or no stream is refused here, with the scene."""
+        try:
+            numbers = self.numbers
+        except ArithmeticError:
+            numbers = None
+        if numbers is None or not 0.0 < numbers.reynolds < math.inf or not 0.0 < numbers.velocity < math.inf:
+            raise ValueError("fluid, grain and channel must give numbers that can be computed, got a Reynolds number that is 0 or infinite: check their units")
+        try:
+            self.profile  # noqa: B018
+        except ValueError as error:
+            raise ValueError(f"channel.{error}") from None
 
     def _check_history(self) -> None:
         """Scheme and solver have to fit."""
@@ -283,13 +298,14 @@ class Basis(Table):
                 raise ValueError("history.window is missing: scheme = 'windowed' needs one, in units of d/u*")
             inner = SCHEMES.get(options.rule or "daitche")
             if inner is None:
-                raise ValueError(f"history.rule must be one of {', '.join(map(repr, SCHEMES))}, got {options.rule!r}{_validate.suggestion(options.rule, SCHEMES)}")
+                raise ValueError(
+                    f"history.rule must be one of {', '.join(map(repr, SCHEMES))}, got {options.rule!r}{_validate.suggestion(options.rule, SCHEMES)}"
+                )
             order = {"order": given.pop("order")} if "order" in given else {}
             given["rule"] = inner(**order)
             given["tail"] = self._tail(options, given.pop("rtol", 1e-6))
-        elif options.scheme == "hinsberg":
-            if options.tail is False:
-                given["tail"] = False
+        elif options.scheme == "hinsberg" and options.tail is False:
+            given["tail"] = False
         try:
             return SCHEMES[options.scheme](**given)
         except TypeError as error:
@@ -320,9 +336,7 @@ class Basis(Table):
         return max(1e3, 20.0 * (self.run.jumps or 1))
 
 
-TABLES: dict[str, Any] = {
-    name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()
-}
+TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}
 Scene: Any = create_model(
     "Scene",
     __base__=Basis,
@@ -334,56 +348,67 @@ Scene: Any = create_model(
 def sentence(error: ValidationError) -> str:
     """The first mistake of a scene in one sentence: which field, what came, what would be right."""
     found = error.errors()[0]
-    place, kind, given = [str(part) for part in found["loc"]], found["type"], found["input"]
-    context = found.get("ctx", {})
-    if place and kind == "extra_forbidden":
-        known = _fields(place[:-1])
-        return f"{'.'.join(place)} is not a field of a scene{_validate.suggestion(place[-1], known)}"
-    path = ".".join(place)
-    if kind == "missing":
-        return f"{path} is missing: {_describe(place)}"
+    place, kind, given, context = [str(part) for part in found["loc"]], found["type"], found["input"], found.get("ctx", {})
+    if kind == "extra_forbidden":
+        return f"{'.'.join(place)} is not a field of a scene{_validate.suggestion(place[-1], _fields(place[:-1]))}"
     if kind == "value_error":
-        text = str(context["error"])
-        named = text.split(" ", maxsplit=1)[0].split(".", maxsplit=1)[0].rstrip(":") in {*Basis.model_fields, *EFFECTS}
-        return text if not path or (named and not place) else (f"{path} {text}" if text.startswith(("must", "needs")) else f"{path}.{text}")
-    right = {
-        "greater_than": f"greater than {context.get('gt')}",
-        "greater_than_equal": f"{context.get('ge')} or greater",
-        "less_than": f"less than {context.get('lt')}",
-        "less_than_equal": f"{context.get('le')} or less",
-        "literal_error": f"one of {context.get('expected')}",
-        "finite_number": "a finite number",
-        "too_short": "three numbers",
-        "too_long": "three numbers",
-    }.get(kind)
-    if right is None:
-        right = {"float": "a number", "int": "a whole number", "bool": "true or false", "string": "a word in quotes", "list": "a list", "model": "a table"}.get(
-            kind.split("_")[0], found["msg"]
-        )
-    hint = _validate.suggestion(given, [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]) if kind == "literal_error" and isinstance(given, str) else ""
-    unit = _describe(place)
-    return f"{path} must be {right}, got {_validate.shown(given)}{hint}{f' ({unit})' if unit and not hint else ''}"
+        return _own_words(place, str(context["error"]))
+    field, text = _field(place)
+    path = ".".join(field)
+    if kind == "missing":
+        return f"{path} is missing ({text})"
+    right, hint = RIGHT.get(kind, ""), ""
+    if kind == "literal_error":
+        right = f"one of {context['expected']}"
+        options = [word.strip(" '") for word in context["expected"].replace(" or ", ",").split(",")]
+        hint = _validate.suggestion(given, options) if isinstance(given, str) and given not in options else ""
+    right = right.format(**context) or KINDS.get(kind.split("_")[0], found["msg"])
+    note = f" ({text})" if text and not hint and not text.startswith(right) else ""
+    return f"{path} must be {right}, got {_validate.shown(given)}{hint}{note}"
+
+
+RIGHT = {  # what would be right, by pydantic's kind of mistake
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "{ge:g} or greater",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "{le:g} or less",
+    "finite_number": "a finite number",
+    "too_short": "three numbers",
+    "too_long": "three numbers",
+}
+KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "string": "a word in quotes", "list": "a list", "model": "a table"}
+
+
+def _own_words(place: list[str], text: str) -> str:
+    """A validator's message, its field named once."""
+    path = ".".join(_field(place)[0])
+    if not path:
+        return text
+    return f"{path} {text}" if text.startswith(("must", "needs")) else f"{path}.{text}"
 
 
 def _fields(place: list[str]) -> list[str]:
     """The fields of the table at `place`."""
-    schema: Any = Scene
+    table: Any = Scene
     for part in place:
-        annotation = schema.model_fields[part].annotation
-        schema = next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
-    return list(schema.model_fields)
+        table = _table(table.model_fields[part].annotation)
+    return list(table.model_fields)
 
 
-def _describe(place: list[str]) -> str:
-    """The description of the field at `place`."""
-    try:
-        schema: Any = Scene
-        for part in place[:-1]:
-            annotation = schema.model_fields[part].annotation
-            schema = next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
-        return schema.model_fields[place[-1]].description or "a table"
-    except (KeyError, AttributeError):
-        return ""
+def _field(place: list[str]) -> tuple[list[str], str]:
+    """The part of `place` that names a field, without its alternatives and elements, and that field's description."""
+    table, text = Scene, ""
+    for depth, part in enumerate(place):
+        if part not in getattr(table, "model_fields", ()):
+            return place[:depth], text
+        field = table.model_fields[part]
+        table, text = _table(field.annotation), field.description or ""
+    return place, text
+
+
+def _table(annotation: Any) -> Any:
+    """The table behind an annotation such as `Bed | None`."""
+    return next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
 
 
 def scene_of(content: Any) -> Any:
