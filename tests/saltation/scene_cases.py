@@ -1,0 +1,142 @@
+"""Scenes made from the shipped ones, runs without the compiler, and exact motions, shared by the tests of the simulator."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import scipy.optimize
+
+import saltation
+from basset import reference
+from basset._compile import is_compiled
+from basset.solvers import _march
+from saltation import flight
+
+BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
+
+
+def merged(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """`content` with `changes`, table by table; None takes a field or a table out."""
+    result = dict(content)
+    for key, value in changes.items():
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, dict):
+            result[key] = merged(result.get(key, {}), value)
+        else:
+            result[key] = value
+    return result
+
+
+def scene(name: str, **changes: Any) -> Any:
+    """A shipped scene with changes; `velocity`, `spin` and `height` of the start in units of V, V/d and d."""
+    start = {key: changes.pop(key) for key in ("velocity", "spin", "height") if key in changes}
+    content = merged(saltation.load(name).model_dump(exclude_none=True), changes)
+    n = saltation.Scene.model_validate({key: content[key] for key in ("fluid", "grain", "channel") if key in content} | BARE).numbers
+    unit = {"velocity": n.velocity, "spin": 1.0 / n.time, "height": n.diameter}
+    content.setdefault("start", {})
+    for key, value in start.items():
+        content["start"][key] = [x * unit[key] for x in value] if isinstance(value, (list, tuple)) else value * unit[key]
+    return saltation.Scene.model_validate(content)
+
+
+@contextlib.contextmanager
+def interpreted() -> Iterator[None]:
+    """The flight as plain Python: the same source, nothing to compile for a combination of effects that one test needs."""
+    with contextlib.ExitStack() as stack:
+        for module in (flight, _march):
+            for name, value in list(vars(module).items()):
+                if is_compiled(value):
+                    stack.enter_context(mock.patch.object(module, name, value.py_func))
+        yield
+
+
+def run_plain(made: Any) -> saltation.Result:
+    """Run a scene as plain Python, its path too."""
+    with interpreted():
+        result = saltation.run(made)
+        if made.run.trajectory:
+            assert result.trajectory.sizes["time"] > 0
+    return result
+
+
+def linear(made: Any) -> tuple[float, float, float]:
+    """(λ, c, g) of a scene with Stokes drag: w' = −g − λw − c·H[w] in its units."""
+    n = made.numbers
+    return 18.0 * n.alpha / n.reynolds, n.history if "history" in made.names else 0.0, n.alpha / n.shields
+
+
+@dataclass
+class Bouncer:
+    """The exact vertical motion over a flat bed with Stokes drag for every kind of memory at an impact.
+
+    With R the response to a slip that is remembered (`reference.response`) and S(t) = 1 − λ∫R that to one that is not,
+
+        impulse  w(t) = −g∫R(t) + Σ Δ_j R(t − t_j)          restart  w(t_j + s) = y_j R(s) − g∫R(s)
+        none     w(t) = −g∫R(t) + Σ Δ_j S(t − t_j)          reset    w(t_j + s) = y_j S(s) − g∫R(s)
+
+    where Δ_j is the jump of the velocity and y_j the velocity after it.
+    """
+
+    rate: float
+    coefficient: float
+    gravity: float
+    height: float
+    restitution: float
+    memory: str
+    times: list[float] = field(default_factory=list)
+    jumps: list[float] = field(default_factory=list)
+    after: list[float] = field(default_factory=list)
+
+    def answer(self, s: Any, integrals: int) -> Any:
+        """R or S of the memory, its first or its second integral."""
+        s = np.asarray(s, dtype=np.float64)
+        if self.memory in ("impulse", "restart"):
+            return reference.response(s, self.rate, self.coefficient, integrals)
+        polynomial = 1.0 if integrals == 0 else s
+        return polynomial - self.rate * reference.response(s, self.rate, self.coefficient, integrals + 1)
+
+    def falling(self, t: Any, integrals: int) -> Any:
+        """−g∫R or −g∫∫R."""
+        return -self.gravity * reference.response(np.asarray(t, dtype=np.float64), self.rate, self.coefficient, integrals)
+
+    def after_last(self, s: Any, integrals: int) -> Any:
+        """Velocity (integrals = 1) or height (2) a time s after the newest impact."""
+        if not self.times:
+            return self.falling(s, integrals) + (self.height if integrals == 2 else 0.0)
+        if self.memory in ("restart", "reset"):
+            return self.after[-1] * self.answer(s, integrals - 1) + self.falling(s, integrals)
+        now = self.times[-1]
+        total = self.falling(now + s, integrals) + (self.height if integrals == 2 else 0.0)
+        for time, jump in zip(self.times, self.jumps, strict=True):
+            total = total + jump * self.answer(now + s - time, integrals - 1)
+        return total
+
+    def bounce(self) -> float:
+        """Fly to the next impact; how long that took."""
+        s = 1e-6 if self.times else 1e-3
+        while self.after_last(s, 2) > 0.0:
+            s *= 1.1
+        flown = float(scipy.optimize.brentq(lambda x: float(self.after_last(x, 2)), s / 1.1, s, xtol=1e-14, rtol=1e-14))
+        down = float(self.after_last(flown, 1))
+        self.times.append((self.times[-1] if self.times else 0.0) + flown)
+        self.jumps.append(-(1.0 + self.restitution) * down)
+        self.after.append(-self.restitution * down)
+        return flown
+
+    def highest(self, flown: float) -> float:
+        """Rise of the flight after the newest impact, which takes `flown`."""
+        top = scipy.optimize.brentq(lambda x: float(self.after_last(x, 1)), 1e-12 * flown, flown, xtol=1e-15)
+        return float(self.after_last(top, 2))
+
+
+def gauss(function: Callable[[np.ndarray], np.ndarray], low: float, high: float, points: int = 60) -> float:
+    """∫ of a function that is a series in √(t − low), by Gauss's rule in that root."""
+    x, w = np.polynomial.legendre.leggauss(points)
+    root = 0.5 * np.sqrt(high - low) * (x + 1.0)
+    return float(np.sum(0.5 * np.sqrt(high - low) * w * 2.0 * root * function(low + root**2)))
