@@ -24,6 +24,10 @@ from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
 from saltation.grain import Numbers, numbers_of
 from saltation.presets import PRESETS
 
+LONGEST = 1e9  # d/u*: a memory beyond loses its digits
+FINEST = 1e-13  # relative error of sums of exponentials
+SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
+
 
 class SceneError(ValueError):
     """A scene that cannot be simulated; the message is one sentence."""
@@ -252,8 +256,11 @@ class Basis(Table):
             raise ValueError("rotation.law = 'prescribed' needs a [channel]: its spin is a function of the transport stage")
         if self.bed is not None and self.bed.restitution == "set1" and self.channel is None:
             raise ValueError("bed.restitution = 'set1' needs a [channel]: it is a function of the transport stage")
-        if self.in_plane and any(vector is not None and vector[1] != 0.0 for vector in (self.start.velocity,)):
-            raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {self.start.velocity}")
+        velocity, spin = self.start.velocity, self.start.spin
+        if self.in_plane and velocity is not None and velocity[1] != 0.0:
+            raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {velocity}")
+        if self.in_plane and spin is not None and (spin[0] != 0.0 or spin[2] != 0.0):
+            raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
         if "history" in names:
             self._check_history()
         self._check_numbers()
@@ -261,12 +268,19 @@ class Basis(Table):
 
     def _check_numbers(self) -> None:
         """What has no numbers or no stream is refused here, with the scene."""
+        low, high = SENSIBLE
         try:
-            numbers = self.numbers
+            n = self.numbers
+            decisive = {"ρ_s/ρ": n.density_ratio, "the Reynolds number V d/ν": n.reynolds}
+            if n.density_ratio != 1.0:
+                decisive["the Shields parameter"] = abs(n.shields)
+            if self.channel is not None and self.channel.roughness_height is not None:
+                decisive["roughness_height over diameter"] = self.channel.roughness_height / self.grain.diameter
         except ArithmeticError:
-            numbers = None
-        if numbers is None or not 0.0 < numbers.reynolds < math.inf or not 0.0 < numbers.velocity < math.inf:
-            raise ValueError("fluid, grain and channel must give numbers that can be computed, got a Reynolds number that is 0 or infinite: check their units")
+            decisive = {"a dimensionless number": math.nan}
+        for name, value in decisive.items():
+            if not low <= value <= high:
+                raise ValueError(f"fluid, grain and channel must make sense together, got {name} = {value:.3g}: check their units")
         try:
             self.profile  # noqa: B018
         except ValueError as error:
@@ -278,6 +292,15 @@ class Basis(Table):
         if options.scheme not in SCHEMES:
             known = ", ".join(map(repr, SCHEMES))
             raise ValueError(f"history.scheme must be one of {known}, got {options.scheme!r}{_validate.suggestion(options.scheme, SCHEMES)}")
+        if options.rtol is not None and options.rtol < FINEST:
+            raise ValueError(f"history.rtol must be {FINEST:g} or greater, got {options.rtol:g}: sums of exponentials are good to rounding then")
+        if self.horizon > LONGEST:
+            what = (
+                f"history.horizon must be {LONGEST:g} or less"
+                if options.horizon
+                else f"history.horizon must be given, {LONGEST:g} or less, for so long a run.duration"
+            )
+            raise ValueError(f"{what}, got {self.horizon:g} (units of d/u*)")
         if self.solver.method == "collocation":
             if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
                 what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
@@ -292,27 +315,29 @@ class Basis(Table):
     def history_rule(self) -> Any:
         """The rule of `basset` that a fixed-step scene names."""
         options = self.options("history")
-        given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window") if getattr(options, key) is not None}
-        if options.scheme == "windowed":
-            if options.window is None:
-                raise ValueError("history.window is missing: scheme = 'windowed' needs one, in units of d/u*")
-            inner = SCHEMES.get(options.rule or "daitche")
-            if inner is None:
-                raise ValueError(
-                    f"history.rule must be one of {', '.join(map(repr, SCHEMES))}, got {options.rule!r}{_validate.suggestion(options.rule, SCHEMES)}"
-                )
-            order = {"order": given.pop("order")} if "order" in given else {}
-            given["rule"] = inner(**order)
-            given["tail"] = self._tail(options, given.pop("rtol", 1e-6))
-        elif options.scheme == "hinsberg" and options.tail is False:
-            given["tail"] = False
+        given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
         try:
+            if options.scheme == "windowed":
+                self._window(options, given)
+            elif options.scheme == "hinsberg" and given.get("tail", False) is not False:
+                raise ValueError(f"tail must be false for scheme = 'hinsberg', or left out for its own, got {_validate.shown(options.tail)}")
             return SCHEMES[options.scheme](**given)
         except TypeError as error:
             word = str(error).split("'")[1] if "'" in str(error) else str(error)
             raise ValueError(f"history.{word} has no meaning for scheme = {options.scheme!r}") from None
         except ValueError as error:
             raise ValueError(f"history.{error}") from None
+
+    def _window(self, options: Any, given: dict[str, Any]) -> None:
+        """Rule and tail of a windowed scheme from their names."""
+        if options.window is None:
+            raise ValueError("window is missing: scheme = 'windowed' needs one, in units of d/u*")
+        name = given.pop("rule", "daitche")
+        if name not in SCHEMES or name in ("windowed", "hinsberg", "exponential"):
+            known = [name for name in SCHEMES if name not in ("windowed", "hinsberg", "exponential")]
+            raise ValueError(f"rule must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
+        given["rule"] = SCHEMES[name](**{"order": given.pop("order")} if "order" in given else {})
+        given["tail"] = self._tail(options, given.pop("rtol", 1e-6))
 
     def _tail(self, options: Any, rtol: float) -> Any:
         from basset import ExponentialSum
@@ -322,7 +347,7 @@ class Basis(Table):
         if options.tail == "van_hinsberg":
             return ExponentialSum.van_hinsberg(options.window)
         if options.tail != "fitted":
-            raise ValueError(f"history.tail must be 'fitted', 'van_hinsberg' or false, got {_validate.shown(options.tail)}")
+            raise ValueError(f"tail must be 'fitted', 'van_hinsberg' or false, got {_validate.shown(options.tail)}")
         return ExponentialSum.fit(0.5 * options.window, max(self.horizon, 2.0 * options.window), rtol)
 
     @property
@@ -333,7 +358,7 @@ class Basis(Table):
             return float(options.horizon)
         if self.run.duration is not None:
             return 1.01 * self.run.duration / self.numbers.time
-        return max(1e3, 20.0 * (self.run.jumps or 1))
+        return min(LONGEST, max(1e3, 20.0 * (self.run.jumps or 1)))
 
 
 TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}
