@@ -766,7 +766,7 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
         s[6], s[7], s[8] = ox, oy, oz
     numbers[JUMPED] = numbers[TIME]
     size = numbers[FIRST]
-    numbers[STEP] = max(problem.floor, min(size, 0.5 * duration) if duration > 0.0 else size)
+    numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * duration) if duration > 0.0 else size)
     numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
     work.past[0] = 0.0
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
