@@ -50,8 +50,8 @@ def campaign(
     scenes : iterable of Scene or of (dict, Scene)
         A dictionary holds labels, which become columns.
     executor : concurrent.futures.Executor, optional
-        Also a dask client's `get_executor()`. Default: processes on all cores, started afresh, so that a script that calls
-        this needs its `if __name__ == "__main__":`.
+        Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
+        afresh, so that a script that calls this needs its `if __name__ == "__main__":`.
     progress : callable or None
         Called with the share that is done, 0 to 1.
     store : path, optional
@@ -132,7 +132,11 @@ def outcome(scene: Any) -> dict[str, Any]:
 
 def fly(texts: Sequence[str]) -> list[dict[str, Any]]:
     """The rows of some scenes in JSON: what a worker is given."""
-    return [outcome(scene_of(json.loads(text))) for text in texts]
+    with TURN:
+        return [outcome(scene_of(json.loads(text))) for text in texts]
+
+
+TURN = threading.Lock()  # grains of a process share tables that are filled as they fly: threads take turns
 
 
 def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
@@ -414,18 +418,17 @@ def _scores(model: Any, reynolds: Any, source: str, observed: pd.DataFrame, runs
     own = [pd.DataFrame({"variable": name, "T": runs["stage"].astype(float), "mean": runs[name], "sd": runs[f"{name}_sd"]}) for name in statistics.VARIABLES]
     scores: dict[str, Any] = {"model": model, "particle_reynolds": reynolds, "source": source, "error_index": math.nan, "overlap_index": math.nan}
     simulated = pd.concat(own, ignore_index=True)
-    if simulated["mean"].notna().all():
+    if simulated["mean"].notna().all() and (observed["mean"] > 0.0).any():
         variables = [name for name in statistics.VARIABLES if name in set(observed["variable"])]
         scores["error_index"] = float(statistics.errors(observed, simulated, variables).mean())
         banded = "sd" in observed and all(rows["sd"].notna().all() and len(rows) > 1 for _, rows in observed.groupby("variable"))
         if banded and simulated["sd"].notna().all():
             scores["overlap_index"] = float(statistics.overlap_areas(observed, simulated, variables).mean())
-    if published:
-        places = {}
-        for name, edge in zip(statistics.VARIABLES, regressions.Jump._fields, strict=True):
-            low, high = regressions.envelope(reynolds, runs["stage"].to_numpy(dtype=np.float64))[edge]
-            places[name] = (runs[name].to_numpy() - low) / (high - low)
-        every = np.concatenate(list(places.values()))
-        scores["inside"] = float(((every >= 0.0) & (every <= 1.0)).mean()) if np.isfinite(every).all() else math.nan
-        scores |= {f"{name}_place": float(place.mean()) for name, place in places.items()}
-    return scores
+    places = dict.fromkeys(statistics.VARIABLES, np.full(1, math.nan))
+    for name, edge in zip(statistics.VARIABLES, regressions.Jump._fields, strict=True) if published else ():
+        low, high = regressions.envelope(reynolds, runs["stage"].to_numpy(dtype=np.float64))[edge]
+        width = np.where(high > low, high - low, np.nan)  # nothing jumps at and below the threshold
+        places[name] = (runs[name].to_numpy() - low) / width
+    every = np.concatenate(list(places.values()))
+    scores["inside"] = float(((every >= 0.0) & (every <= 1.0)).mean()) if np.isfinite(every).all() else math.nan
+    return scores | {f"{name}_place": float(place.mean()) for name, place in places.items()}

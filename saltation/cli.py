@@ -234,7 +234,7 @@ def campaign(
         raise Mistake(f"--output must be a folder, got the file {str(output)!r}")
     measured = read_reference(reference) if reference is not None else None
     runs, models = planned(what, changes, varied)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
             columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
@@ -244,6 +244,8 @@ def campaign(
     except KeyboardInterrupt:
         click.echo(f"stopped: what is finished is kept in {str(output)!r}, the same command goes on from there", err=True)
         sys.exit(130)
+    finally:
+        signal.signal(signal.SIGTERM, before)
     out = console()
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     out.print(f"{len(table)} scenes: {counts}")
@@ -265,9 +267,6 @@ def campaign(
 @click.option("--output", type=click.Path(path_type=Path), help="The picture, PNG, PDF or SVG; several figures: NAME is added to each.")
 def plot(result: Path, names: tuple[str, ...], output: Path | None) -> None:
     """Draw figures of RESULT, a file that `saltation run --output` wrote."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
     from saltation.plots import PLOTS
 
     for name in names:

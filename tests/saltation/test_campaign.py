@@ -1,0 +1,338 @@
+"""Campaigns: one table on any workers in any order, bit for bit; interrupted and continued; the thesis's runs, judged."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import saltation
+from saltation import campaigns, regressions, statistics
+from saltation.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, key_of, processes, thesis
+from saltation.scene import read, scene_of
+
+
+def sand(stage: float = 1.87, seed: int = 1, jumps: int = 60):
+    content = read("sand")
+    content["channel"]["transport_stage"] = stage
+    content["run"] |= {"jumps": jumps, "discard": 20, "seed": seed}
+    return scene_of(content)
+
+
+def same(one: pd.DataFrame, two: pd.DataFrame) -> None:
+    pd.testing.assert_frame_equal(one, two, check_exact=True)
+    assert one.to_csv() == two.to_csv()
+
+
+@pytest.fixture(scope="module")
+def few():
+    return [({"number": seed, "T": stage}, sand(stage, seed)) for stage in (1.87, 2.67) for seed in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def table(few):
+    """One after the other, in this process."""
+    with ThreadPoolExecutor(1) as executor:
+        return campaign(few, executor)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_the_same_table_on_any_number_of_workers(few, table, workers, monkeypatch):
+    monkeypatch.setattr(campaigns, "CHUNK", 60)  # one scene at a time: the workers come in any order
+    with processes(workers) as executor:
+        same(campaign(few, executor), table)
+
+
+def test_the_same_rows_in_any_order(few, table, monkeypatch):
+    monkeypatch.setattr(campaigns, "CHUNK", 60)
+    order = list(range(len(few)))
+    random.Random(3).shuffle(order)
+    with ThreadPoolExecutor(4) as executor:
+        shuffled = campaign([few[k] for k in order], executor)
+    same(shuffled, table.iloc[order].reset_index(drop=True))
+
+
+def test_the_default_executor(few, table):
+    same(campaign(few), table)
+    assert campaigns.cores() >= 1
+
+
+def test_a_row_is_what_a_run_says(few, table):
+    scene = few[1][1]
+    result = saltation.run(scene)
+    row, summary = table.iloc[1], result.summary()
+    for name in QUANTITIES[:-1]:
+        assert row[[name, f"{name}_sd", f"{name}_se"]].tolist() == summary.loc[name, ["mean", "standard_deviation", "standard_error"]].tolist()
+    angle = result.jumps["deviation_angle"].abs()
+    assert row["abs_deviation_angle"] == angle.mean()
+    assert row["abs_deviation_angle_se"] == statistics.standard_error(angle)
+    assert (row["jumps"], row["status"], row["clipped"], row["creeping"]) == (40, "finished", *(result.provenance[key] for key in ("clipped", "creeping")))
+    assert list(table) == ["number", "T", *COLUMNS]
+
+
+def test_equal_scenes_run_once_and_labels_are_the_caller_s():
+    calls = []
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, function, texts):
+            calls.extend(texts)
+            return super().submit(function, texts)
+
+    with Counting(1) as executor:
+        found = campaign([({"a": 1}, sand(jumps=30)), ({"b": 2}, sand(jumps=30)), sand(jumps=30)], executor)
+    assert len(calls) == 1
+    assert found["height"].nunique() == 1
+    assert found["a"].isna().tolist() == [False, True, True]
+    assert found["b"].isna().tolist() == [True, False, True]
+
+
+def test_what_is_no_campaign():
+    assert list(campaign([])) == list(COLUMNS)
+    with pytest.raises(TypeError, match="scenes must hold scenes"):
+        campaign(["sand"])
+    with pytest.raises(ValueError, match="labels must not be called like a result, got 'height'"):
+        campaign([({"height": 1}, sand())])
+
+
+def test_a_scene_without_jumps_that_count_has_no_means():
+    content = read("sand")
+    content["history"]["horizon"] = 1.0
+    with ThreadPoolExecutor(1) as executor:
+        (row,) = campaign([scene_of(content)], executor).to_dict("records")
+    assert (row["status"], row["jumps"]) == ("horizon", 0)
+    assert np.isnan(row["height"])
+    assert np.isnan(row["clipped"])
+
+
+def test_handfuls_share_a_compiled_form_and_the_first_of_each_come_first():
+    scenes = {key_of(scene): scene for _, scene in thesis()}
+    found = campaigns.chunks(scenes)
+    assert sorted(key for handful in found for key in handful) == sorted(scenes)
+    forms = [{campaigns.form_of(scenes[key]) for key in handful} for handful in found]
+    assert all(len(form) == 1 for form in forms)
+    assert len({form for handful in forms[:8] for form in handful}) == 8  # Runs A to H
+    assert all(sum(scenes[key].run.jumps for key in handful) <= campaigns.CHUNK for handful in found)
+
+
+# The store
+
+
+def test_a_store_is_used_and_what_is_broken_in_it_is_not(few, table, tmp_path):
+    shares: list[float] = []
+    with ThreadPoolExecutor(1) as executor:
+        same(campaign(few, executor, store=tmp_path / "new" / "store"), table)
+        store = tmp_path / "new" / "store"
+        files = sorted(store.iterdir())
+        assert [path.suffix for path in files] == [".json"] * len(few)
+        whole = {path: path.read_bytes() for path in files}
+        files[0].write_bytes(b"")
+        files[1].write_bytes(whole[files[1]][:-40])
+        changed = json.loads(whole[files[2]])
+        changed["row"]["height"] += 1.0
+        files[2].write_text(json.dumps(changed))
+        files[3].write_bytes(b"\xff\xfe")
+        (store / ".half.json.x1").write_text("{")
+        same(campaign(few, executor, store=store, progress=shares.append), table)
+        assert shares[0] == pytest.approx(2 / 6)
+        assert shares[-1] == 1.0
+        assert {path: path.read_bytes() for path in files} == whole
+        same(campaign(few, executor, store=store, progress=shares.append), table)
+        assert shares[-1] == 1.0
+
+
+def test_a_complete_store_needs_no_worker(few, table, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        campaign(few, executor, store=tmp_path)
+
+    class Lazy(ThreadPoolExecutor):
+        def submit(self, *arguments):
+            raise AssertionError
+
+    same(campaign(few, Lazy(1), store=tmp_path), table)
+
+
+def test_another_scene_version_or_code_is_another_key(monkeypatch):
+    keys = {key_of(sand()), key_of(sand(seed=2)), key_of(sand(stage=1.87 + 1e-15))}
+    monkeypatch.setattr(campaigns, "__version__", "0.0.0")
+    keys.add(key_of(sand()))
+    monkeypatch.setattr(campaigns, "digest_of", lambda package: "another")
+    keys.add(key_of(sand()))
+    assert len(keys) == 5
+
+
+def test_rows_come_back_bit_for_bit(tmp_path):
+    row = dict.fromkeys(COLUMNS, float("nan")) | {"height": 0.1 + 0.2, "length": 5e-324, "velocity": 1e308 / 3.0, "jumps": 3, "status": "finished"}
+    store = Store(tmp_path)
+    store.put("key", sand(), row)
+    back = store.get("key")
+    assert {name: repr(value) for name, value in back.items()} == {name: repr(value) for name, value in row.items()}
+    assert store.get("another") is None
+
+
+def test_an_error_keeps_what_is_finished(few, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaigns, "CHUNK", 60)
+    broken = few[3][1]
+    true = campaigns.outcome
+    monkeypatch.setattr(campaigns, "outcome", lambda scene: true(scene) if key_of(scene) != key_of(campaigns._labelled(broken)[1]) else 1 / 0)
+    with ThreadPoolExecutor(1) as executor, pytest.raises(ZeroDivisionError):
+        campaign(few, executor, store=tmp_path)
+    kept = len(list(tmp_path.iterdir()))
+    assert 0 < kept < 6
+
+
+def children(process: int) -> list[int]:
+    return [int(word) for task in Path(f"/proc/{process}/task").iterdir() for word in (task / "children").read_text().split()]
+
+
+def lives(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM"])
+def test_a_stopped_campaign_continues_to_the_same_table(tmp_path, how):
+    """From the command line: stopped in the midst, no process stays behind, and the same command ends as if nothing had been."""
+    command = [sys.executable, "-m", "saltation", "campaign", "sand", "--set", "run.jumps=2100", "--vary", f"run.seed={','.join(map(str, range(1, 9)))}"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
+    store = tmp_path / "stopped" / "store"
+    with subprocess.Popen([*command, "--output", tmp_path / "stopped"], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and len(list(store.glob("[!.]*.json"))) < 2:
+            time.sleep(0.01)
+        workers = children(process.pid) if process.poll() is None and Path("/proc/self/task").exists() else []
+        process.send_signal(getattr(signal, how))
+        _, error = process.communicate()
+    kept = len(list(store.glob("[!.]*.json")))
+    assert 2 <= kept < 8, error
+    assert not (tmp_path / "stopped" / "table.csv").exists()
+    if how == "SIGTERM":
+        assert process.returncode == 130
+        assert error == f"stopped: what is finished is kept in {str(tmp_path / 'stopped')!r}, the same command goes on from there\n"
+    deadline = time.monotonic() + 10.0
+    while any(map(lives, workers)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(lives, workers))
+    if how == "SIGTERM":
+        return  # to go on once is enough
+    done = subprocess.run([*command, "--output", tmp_path / "stopped"], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    undisturbed = campaign([sand(seed=seed, jumps=2100) for seed in range(1, 9)], ThreadPoolExecutor(1))
+    table = pd.read_csv(tmp_path / "stopped" / "table.csv")
+    for name in COLUMNS:
+        assert table[name].tolist() == undisturbed[name].tolist()
+
+
+# The thesis
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return thesis()
+
+
+def test_the_thesis_has_256_runs(runs):
+    labels = pd.DataFrame([labels for labels, _ in runs])
+    assert len(runs) == len({key_of(scene) for _, scene in runs}) == 256
+    assert labels.groupby(["run", "set"]).ngroups == 32
+    assert sorted(labels[labels["particle_reynolds"] == 73.0]["stage"].unique()) == [1.79, 1.87, 2.43, 2.50, 2.67]
+    assert sorted(labels[labels["particle_reynolds"] == 250.0]["stage"].unique()) == [2.31, 3.08, 3.85]
+    for given, scene in runs:
+        assert scene.numbers.particle_reynolds == pytest.approx(given["particle_reynolds"], rel=1e-14)
+        assert scene.numbers.stage == pytest.approx(given["stage"], rel=1e-14)
+        assert (scene.run.jumps, scene.run.discard, scene.run.seed) == (220, 20, 1)
+        assert scene.in_plane == (given["run"] == "A")
+        assert scene.bed.roughness == f"R{'ABCDEFGH'.index(given['run']) + 1}"
+        assert scene.bed.restitution == {1: "set1", 2: 0.65, 3: 0.8, 4: 0.95}[given["set"]] == given["restitution"]
+        if given["run"] == "A":
+            assert (scene.bed.rebound, scene.bed.tangential_retention, scene.options("rotation").law) == ("garcia_nino", 0.89, "prescribed")
+            assert (given["f"], given["f_is"]) == (0.89, "retention")
+        else:
+            assert (scene.bed.rebound, scene.bed.friction, scene.options("rotation").law) == ("tsuji", given["f"], "yamamoto")
+            assert (given["f"], given["f_is"]) == ({1: 0.89, 2: 0.1, 3: 0.4, 4: 0.3}[given["set"]], "Coulomb")
+
+
+def test_g2_is_the_shipped_sand(runs):
+    """Up to the rounding of its diameter."""
+    (scene,) = [scene for labels, scene in runs if (labels["run"], labels["set"], labels["stage"]) == ("G", 2, 1.87)]
+    shipped = saltation.load("sand")
+    assert scene.model_copy(update={"grain": shipped.grain}) == shipped
+    assert scene.grain.diameter == pytest.approx(0.69e-3, rel=1e-3)
+
+
+def invented(runs, factor):
+    """A table whose means are the mean regression times factor(run, set)."""
+    rows = []
+    for labels, _ in runs:
+        means = np.mean([regression(labels["particle_reynolds"], labels["stage"]) for regression in regressions.REGRESSIONS.values()], axis=0)
+        scaled = dict(zip(statistics.VARIABLES, factor(labels["run"], labels["set"]) * means, strict=True))
+        rows.append({**labels, **dict.fromkeys(COLUMNS, 0.1), **scaled})
+    return pd.DataFrame(rows)
+
+
+def test_models_are_ranked_by_their_distance_from_the_mean_regression(runs):
+    def factor(run, number):
+        return 1.0 + 0.1 * "GABCDEFH".index(run) + 0.01 * (number - 1)
+
+    ranking = judge(invented(runs, factor))
+    assert len(ranking) == 64
+    assert ranking["model"][::2].tolist() == [f"{run}{number}" for run in "GABCDEFH" for number in (1, 2, 3, 4)]
+    assert ranking["mean_rank"][::2].tolist() == list(range(1, 33))
+    assert ranking["source"].eq("regressions").all()
+    best = ranking[ranking["model"] == "G1"]
+    assert best["error_index"].to_numpy() == pytest.approx(0.0, abs=1e-12)
+    assert best["inside"].tolist() == [1.0, 1.0]
+    assert best[[f"{name}_place" for name in statistics.VARIABLES]].stack().between(0.2, 0.8).all()
+    # at 1.1 times the mean the RMSE over the mean is a tenth of the root mean square over the mean
+    table = invented(runs, factor)
+    own = table[(table["run"] == "A") & (table["set"] == 1) & (table["particle_reynolds"] == 73.0)]
+    expected = np.mean([0.1 * np.sqrt(np.mean((own[name] / 1.1) ** 2)) / np.mean(own[name] / 1.1) for name in statistics.VARIABLES])
+    assert ranking[(ranking["model"] == "A1") & (ranking["particle_reynolds"] == 73.0)]["error_index"].item() == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_model_without_a_mean_has_no_rank(runs):
+    table = invented(runs, lambda run, number: 1.0 + 0.01 * number)
+    table.loc[(table["run"] == "B") & (table["set"] == 3) & (table["stage"] == 1.87), "height"] = np.nan
+    ranking = judge(table)
+    assert ranking["model"].iloc[-1] == "B3"
+    assert ranking["mean_rank"].isna().tolist() == [False] * 62 + [True] * 2
+
+
+def test_measurements_replace_the_regressions_at_their_particle_reynolds_number(runs):
+    table = invented(runs, lambda run, number: 1.0 + 0.05 * number)
+    own = table[(table["run"] == "D") & (table["set"] == 3) & (table["particle_reynolds"] == 73.0)]
+    rows = [
+        (name, stage, mean, 0.1, 100, "invented for this test") for name in statistics.VARIABLES for stage, mean in zip(own["stage"], own[name], strict=True)
+    ]
+    beyond = [("height", 1.0, 9.0, 0.1, 100, "invented for this test")]  # a stage that no run reaches
+    reference = pd.DataFrame(rows + beyond, columns=list(statistics.REFERENCE_COLUMNS))
+    ranking = judge(table, reference)
+    measured = ranking[ranking["particle_reynolds"] == 73.0]
+    assert set(measured["source"]) == {"invented for this test"}
+    assert set(ranking[ranking["particle_reynolds"] == 250.0]["source"]) == {"regressions"}
+    best = measured[measured["model"].str.endswith("3")]
+    assert best["overlap_index"].to_numpy() == pytest.approx(100.0)  # sd 0.1 in both
+    assert best["error_index"].to_numpy() == pytest.approx(0.0, abs=1e-12)
+    assert best["rank"].eq(4.5).all()  # all runs alike: ranks 1 to 8
+    without = judge(table, reference.assign(sd=np.nan))
+    assert without[without["particle_reynolds"] == 73.0]["overlap_index"].isna().all()
+    with pytest.raises(ValueError, match="reference must reach a stage of the campaign at R_p = 100"):
+        judge(table, reference, particle_reynolds=100.0)
+    with pytest.raises(ValueError, match="reference must reach"):
+        judge(table, reference.assign(T=9.0))
+
+
+def test_what_cannot_be_judged(runs):
+    table = invented(runs, lambda run, number: 1.0)
+    with pytest.raises(ValueError, match="table must have the label 'stage'"):
+        judge(table.drop(columns="stage"))
+    with pytest.raises(ValueError, match="one run per model and stage, got two of 'A1'"):
+        judge(pd.concat([table, table.iloc[:1]], ignore_index=True))

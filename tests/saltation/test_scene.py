@@ -1,0 +1,171 @@
+"""Scenes: the contract, what is shipped, presets, options, numbers, and what a check says of them."""
+
+import tomllib
+
+import pytest
+
+import saltation
+from saltation import checks
+from saltation.effects import EFFECTS
+from saltation.grain import GRAVITY
+from saltation.presets import PRESETS
+from saltation.scene import Scene, SceneError, read, scene_of, shipped
+
+CONTRACT = """
+effects = ["weight", "drag", "added_mass", "lift", "history", "magnus"]
+
+[fluid]
+density = 1000.0            # kg/m3
+viscosity = 1.0e-6          # m2/s
+[grain]
+density = 2650.0
+diameter = 0.69e-3          # m
+[channel]
+transport_stage = 1.87      # τ*/τ*c; or shear_velocity in m/s
+slope = 0.0
+profile = "swamee"
+[bed]
+rebound = "tsuji"
+roughness = "R7"
+restitution = 0.65          # a number, "set1" or "stokes"
+friction = 0.1              # Coulomb; García–Niño takes tangential_retention instead
+contact_mass = "dry"        # or "immersed"
+[history]
+rebound = "impulse"         # impulse | restart | reset | none: what the memory does at an impact
+scheme = "exponential"
+kernel = "basset"
+[solver]
+method = "collocation"      # or "fixed_step", "runge_kutta_4" with dt (in d/u*)
+rtol = 1.0e-5
+[run]
+jumps = 220
+discard = 20
+seed = 1
+"""
+
+
+def changed(name: str, **tables):
+    """A shipped scene with fields of its tables replaced; None takes a table or a field out."""
+    content = read(name)
+    for table, fields in tables.items():
+        if not isinstance(fields, dict):
+            content[table] = fields
+        else:
+            content[table] = {key: value for key, value in {**content.get(table, {}), **fields}.items() if value is not None}
+    return scene_of({key: value for key, value in content.items() if value is not None})
+
+
+def test_the_contract_scene():
+    scene = Scene.model_validate(tomllib.loads(CONTRACT))
+    assert scene.names == ("weight", "drag", "added_mass", "lift", "history", "magnus")
+    assert scene.turns  # by friction
+    assert not scene.in_plane
+    assert scene.numbers.stage == pytest.approx(1.87, rel=1e-12)
+    assert scene.options("lift").coefficient == 0.2  # not given: the default
+    assert checks.warnings(scene) == EFFECTS["history"].warnings(scene.options("history"), scene.numbers)
+
+
+@pytest.mark.parametrize(("given", "is_right"), [("exponential", False), ("windowed", True)])
+def test_the_contract_scheme_of_many_parameters(given, is_right):
+    """scheme = "windowed", rule = "daitche", order = 2, window = 3.0, tail = "fitted"."""
+    content = tomllib.loads(CONTRACT)
+    content["history"] |= {"scheme": given, "rule": "daitche", "order": 2, "window": 3.0, "tail": "fitted"}
+    content["solver"] = {"method": "fixed_step", "dt": 1e-3}
+    if not is_right:
+        with pytest.raises(SceneError, match=r"^history\.\w+ has no meaning for scheme = 'exponential'$"):
+            scene_of(content)
+        return
+    rule = scene_of(content).history_rule()
+    assert (rule.rule.order, rule.window, rule.tail is None) == (2, 3.0, False)
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_shipped_scenes_validate_and_survive_json(name):
+    scene = saltation.load(name)
+    assert saltation.load(f"{name}.toml") == scene
+    assert Scene.model_validate_json(scene.model_dump_json(exclude_none=True)) == scene
+    assert read(name) == tomllib.loads(shipped()[name].read_text())
+    assert shipped()[name].read_text().startswith("# ")
+
+
+@pytest.mark.parametrize(("name", "nominal", "diameter"), [("sand", 73.0, 0.69e-3), ("sand_coarse", 250.0, 1.57e-3)])
+def test_shipped_sands_are_the_thesis_s_to_the_rounding_of_their_diameters(name, nominal, diameter):
+    scene = saltation.load(name)
+    assert scene.grain.diameter == diameter
+    assert scene.numbers.particle_reynolds == pytest.approx(nominal, rel=1.5 * 0.005e-3 / diameter)  # R_p ~ d^1.5, d to 0.01 mm
+    assert scene.numbers.reynolds == pytest.approx(scene.numbers.shields**0.5 * scene.numbers.particle_reynolds, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_scenes(name):
+    preset = PRESETS[name]
+    scene = changed("sand", effects=name)
+    assert scene.names == preset.effects
+    assert scene.in_plane == (preset.dimensions == 2)
+    for effect, options in preset.options.items():
+        assert {key: getattr(scene.options(effect), key) for key in options} == options
+    assert changed("sand", effects=name, dimensions=5 - preset.dimensions).in_plane != scene.in_plane
+
+
+def test_a_table_overrides_a_preset_s_options():
+    assert changed("sand", effects="nino_garcia_1994").options("rotation").law == "prescribed"
+    assert changed("sand", effects="nino_garcia_1994", rotation={"law": "yamamoto"}).options("rotation").law == "yamamoto"
+
+
+def test_scenes_cannot_be_changed():
+    with pytest.raises(ValueError, match="frozen"):
+        saltation.load("sand").grain.diameter = 1.0
+
+
+def test_stage_and_shear_velocity_are_one_thing():
+    by_stage = saltation.load("sand")
+    by_velocity = changed("sand", channel={"transport_stage": None, "shear_velocity": by_stage.numbers.velocity})
+    assert by_velocity.numbers.stage == pytest.approx(1.87, rel=1e-14)
+
+
+def test_ignored_tables_are_named():
+    scene = changed("sand", effects=["weight", "drag"], lift={"coefficient": 0.3})
+    assert checks.ignored(scene) == ["history", "lift"]
+    assert [text for text in checks.warnings(scene) if "ignored" in text] == [
+        "[history] is ignored: 'history' is not among the effects",
+        "[lift] is ignored: 'lift' is not among the effects",
+    ]
+
+
+def test_what_is_not_named_is_not_computed():
+    scene = changed("settling", effects=["weight", "drag"])
+    found = checks.computed(scene)
+    assert found["state"] == "4 numbers: x, z, u, w"
+    assert found["forces"] == "weight, drag"
+    assert not {"memory", "spin", "bed", "stream"} & set(found)
+    missing = " ".join(checks.left_out(scene))
+    for word in ("history", "magnus", "rotation", "lift", "added_mass", "spin", "across", "stream", "bed"):
+        assert word in missing
+    assert checks.left_out(saltation.load("sand")) == []
+
+
+def test_settling_velocity_of_stokes_drag():
+    """w_s = (ρ_s/ρ − 1) g d²/(18 ν)."""
+    scene = saltation.load("settling")
+    assert checks.settling_velocity(scene) == pytest.approx(1.65 * GRAVITY * 1e-6 / (18.0 * 1e-4), rel=1e-12)
+    assert checks.settling_velocity(changed("settling", effects=["weight"])) is None
+    assert checks.settling_velocity(changed("settling", grain={"density": 900.0})) is None
+
+
+def test_warnings_of_suspension_and_threshold():
+    def about(stage, word):
+        return [text for text in checks.warnings(changed("sand", channel={"transport_stage": stage})) if word in text]
+
+    speed = checks.settling_velocity(saltation.load("sand")) / saltation.load("sand").numbers.velocity
+    limit = 1.87 * speed**2  # settling velocity = u*
+    assert not about(0.99 * limit, "suspension")
+    (text,) = about(1.01 * limit, "suspension")
+    assert f"T = {limit:.3g}" in text
+    assert "van Rijn 1984" in text
+    assert about(0.9, "threshold")
+    assert not about(1.1, "threshold")
+
+
+def test_a_grain_that_never_comes_down_is_announced():
+    assert any("lighter" in text for text in checks.warnings(changed("sand", grain={"density": 900.0})))
+    assert any("weight is not among" in text for text in checks.warnings(changed("sand", effects=["drag"])))
