@@ -22,7 +22,7 @@ from basset import __version__
 from basset.kernels import Floats
 from saltation import flight, regressions, statistics
 from saltation.effects import EFFECTS
-from saltation.engine import Engine
+from saltation.engine import Engine, Grain
 from saltation.scene import scene_of
 
 UNITS = {  # of the table of jumps
@@ -162,8 +162,15 @@ class Result:
         """Second moments of the displacement along and across the stream after `lags` (d/u*), thesis fig. 3-17.
 
         The ensemble is all takeoffs that count and lie long enough before the end. Columns lag, x, y (d²).
+
+        Raises
+        ------
+        ValueError
+            If the path was not kept or fewer than two takeoffs count.
         """
         path, jumps = self.trajectory, self.jumps
+        if len(jumps) < 2:
+            raise ValueError(f"diffusion needs at least two jumps that count, got {len(jumps)}")
         end = float(path["time"][-1])
         if lags is None:
             longest = 0.1 * (end - float(jumps["start"].iloc[0]))
@@ -180,12 +187,14 @@ class Result:
         Raises
         ------
         ValueError
-            In still water.
+            In still water, and if no jump counts.
         """
         numbers = self.scene.numbers
         if numbers.stage is None:
             raise ValueError("bed load needs a stream: the scene has no [channel]")
         jumps = self.jumps
+        if not len(jumps):
+            raise ValueError("bed load needs a jump that counts: there is none")
         friction = -float(jumps["impulse_x"].sum() / jumps["impulse_z"].sum())
         speed = float(jumps["length"].sum() / jumps["duration"].sum())
         rate = float(regressions.bed_load(numbers.shields, numbers.critical_shields, speed, friction))
@@ -241,8 +250,11 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     ValueError
         If the file is not one.
     """
-    with xr.open_dataset(path, engine="scipy") as opened:
-        whole = opened.load()
+    try:
+        with xr.open_dataset(path, engine="scipy") as opened:
+            whole = opened.load()
+    except TypeError:
+        raise ValueError(f"{os.fspath(path)!r} is no saltation result: it is no netCDF 3 file") from None
     if "scene" not in whole.attrs:
         raise ValueError(f"{os.fspath(path)!r} is no saltation result: it has no scene")
     jumps = pd.DataFrame({str(name).removeprefix("jump_"): whole[name].to_numpy() for name in whole.data_vars if str(name).startswith("jump_")})
@@ -323,7 +335,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, jumps:
 
 
 def _spins(engine: Engine, times: Floats, states: Floats, jumps: pd.DataFrame) -> Floats:
-    """Spin (points, 3) along the path; where it is not integrated only its y component is known, from the jumps' means."""
+    """Spin (points, 3) along the path; where contacts alone change it only its y component is known, from the jumps' means."""
     d, result = engine.dimensions, np.zeros((len(times), 3))
     if engine.turning is not None:
         if d == 2:
@@ -335,6 +347,8 @@ def _spins(engine: Engine, times: Floats, states: Floats, jumps: pd.DataFrame) -
     elif len(jumps):
         which = np.clip(np.searchsorted(jumps["start"].to_numpy(), times, side="right") - 1, 0, len(jumps) - 1)
         result[:, 1] = jumps["spin"].to_numpy()[which]
+    else:
+        result[:] = Grain(engine).spin
     return result
 
 
