@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -149,7 +149,7 @@ class Tabulated(NamedTuple):
 KEPT: list[Floats] = []  # the tables that addresses point to
 
 
-@lru_cache(maxsize=None)
+@cache
 def tabulated(profile: Profile) -> Tabulated:
     """The table of a profile, made once."""
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
