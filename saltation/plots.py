@@ -59,6 +59,21 @@ def jumps_of(result: Result, what: str) -> pd.DataFrame:
     return jumps
 
 
+def draw_path(figure: Figure, along: Floats, up: Floats, across: Floats | None, impacts: Sequence[Floats], label: str) -> None:
+    """Side view and, with `across`, plan of a path; `impacts`: where along, up and across it met the bed."""
+    panels = figure.subplots(1 if across is None else 2, 1, sharex=True, squeeze=False)[:, 0]
+    panels[0].plot(along, up, color=BLUE)
+    panels[0].set_ylabel("height of the centre z (d)")
+    if len(impacts[0]):
+        panels[0].plot(impacts[0], impacts[1], "o", color=RED, label="impacts")
+        panels[0].legend(loc="upper right")
+    if across is not None:
+        panels[1].plot(along, across, color=BLUE)
+        panels[1].plot(impacts[0], impacts[2], "o", color=RED)
+        panels[1].set_ylabel("across y (d)")
+    panels[-1].set_xlabel(label)
+
+
 @styled
 def trajectory(result: Result) -> Figure:
     """Side view and plan of the first jumps that count; without a bed the whole path."""
@@ -75,18 +90,9 @@ def trajectory(result: Result) -> Figure:
     across = path["y"].to_numpy()[chosen] if "y" in path else np.zeros(len(time))
     plan = moves and np.ptp(across) > 0.0
     figure = Figure(figsize=(9.0, 5.2 if plan else 3.6))
-    panels = figure.subplots(2 if plan else 1, 1, sharex=True, squeeze=False)[:, 0]
     along, label = (x - x[0], "x (d)") if moves else (time - time[0], f"time (d/{unit_of(result)})")
-    panels[0].plot(along, z, color=BLUE)
-    panels[0].set_ylabel("height of the centre z (d)")
-    if len(ends):
-        panels[0].plot(np.interp(ends, time, along), np.interp(ends, time, z), "o", color=RED, label="impacts")
-        panels[0].legend(loc="upper right")
-    if plan:
-        panels[1].plot(along, across - across[0], color=BLUE)
-        panels[1].plot(np.interp(ends, time, along), np.interp(ends, time, across - across[0]), "o", color=RED)
-        panels[1].set_ylabel("across y (d)")
-    panels[-1].set_xlabel(label)
+    hits = [np.interp(ends, time, values) for values in (along, z, across)]
+    draw_path(figure, along, z, across if plan else None, hits, label)
     if len(jumps):
         height, length = (float(jumps[name].mean()) for name in ("height", "length"))
         figure.suptitle(f"{min(SHOWN, len(jumps))} of {len(jumps)} jumps; on average they rise {height:.3g} d and reach {length:.3g} d")
