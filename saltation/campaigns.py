@@ -202,16 +202,35 @@ def processes(workers: int | None = None) -> Iterator[Executor]:
     """
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(workers or cores(), mp_context=context, initializer=_obey, initargs=(reader,))
+    count = workers or cores()
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_obey, initargs=(reader,))
     try:
+        with _deaf():  # what starts deaf to interrupts stays so, from its first line on
+            for _ in range(count):
+                pool.submit(os.getpid)
         yield pool
     except BaseException:
         writer.close()
         raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        with _deaf():  # impatience would leave workers that are just starting without their queues
+            pool.shutdown(cancel_futures=True)
         writer.close()
         reader.close()
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Interrupts are ignored; where signals cannot be set (not the main thread) nothing happens."""
+    try:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    except ValueError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _obey(leash: Connection) -> None:

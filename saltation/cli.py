@@ -242,6 +242,7 @@ def campaign(
                 table = campaigns.campaign(runs, executor, progress=report, store=output / "store")
             campaigns.write(output / "table.csv", table.to_csv(index=False))
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only cut off the sentence
         click.echo(f"stopped: what is finished is kept in {str(output)!r}, the same command goes on from there", err=True)
         sys.exit(130)
     finally:

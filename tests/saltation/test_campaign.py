@@ -199,29 +199,33 @@ def lives(process: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM"])
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM", "SIGINT"])
 def test_a_stopped_campaign_continues_to_the_same_table(tmp_path, how):
     """From the command line: stopped in the midst, no process stays behind, and the same command ends as if nothing had been."""
     command = [sys.executable, "-m", "saltation", "campaign", "sand", "--set", "run.jumps=2100", "--vary", f"run.seed={','.join(map(str, range(1, 9)))}"]
     environment = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
     store = tmp_path / "stopped" / "store"
-    with subprocess.Popen([*command, "--output", tmp_path / "stopped"], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*command, "--output", tmp_path / "stopped"], env=environment, start_new_session=True, **pipes) as process:
         while process.poll() is None and len(list(store.glob("[!.]*.json"))) < 2:
             time.sleep(0.01)
         workers = children(process.pid) if process.poll() is None and Path("/proc/self/task").exists() else []
-        process.send_signal(getattr(signal, how))
+        if how == "SIGINT":  # as from a keyboard: to all of them
+            os.killpg(process.pid, signal.SIGINT)
+        else:
+            process.send_signal(getattr(signal, how))
         _, error = process.communicate()
     kept = len(list(store.glob("[!.]*.json")))
     assert 2 <= kept < 8, error
     assert not (tmp_path / "stopped" / "table.csv").exists()
-    if how == "SIGTERM":
+    if how != "SIGKILL":
         assert process.returncode == 130
         assert error == f"stopped: what is finished is kept in {str(tmp_path / 'stopped')!r}, the same command goes on from there\n"
     deadline = time.monotonic() + 10.0
     while any(map(lives, workers)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(lives, workers))
-    if how == "SIGTERM":
+    if how != "SIGKILL":
         return  # to go on once is enough
     done = subprocess.run([*command, "--output", tmp_path / "stopped"], env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
