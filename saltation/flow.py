@@ -160,8 +160,9 @@ def tabulated(profile: Profile) -> Tabulated:
     values = chebyshev.chebvander(nodes, DEGREE)
     coefficients = np.linalg.solve(values, velocity.T)
     monomials = np.array([np.pad(poly, (0, DEGREE + 1 - len(poly))) for poly in (chebyshev.cheb2poly(c) for c in coefficients.T)])
-    KEPT.append(np.ascontiguousarray(monomials))
-    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], KEPT[-1].ctypes.data)
+    cells = np.ascontiguousarray(monomials)
+    KEPT.append(cells)
+    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], cells.ctypes.data)
 
 
 both = method("both", 1)

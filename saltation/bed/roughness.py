@@ -12,9 +12,10 @@ side included: grains slide).
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
-from basset._compile import method, shared
+from basset._compile import shared
 
 STEEPEST = math.radians(30.0)
 TILT = math.radians(4.0)
@@ -83,133 +84,61 @@ def truncated_normal(share, width, deviation):
     return x * root
 
 
-class Flat(NamedTuple):
-    """A smooth plane at the bed level: depth ½, the centre stands half a diameter above it."""
+LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING, BOUNDED = range(6)  # how an angle is drawn
 
+
+class Roughness(NamedTuple):
+    """How θ_b and α_b are drawn: numbers, not types, so that another sub-model compiles nothing anew."""
+
+    along: int  # θ_b
+    side: int  # α_b
     reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """No tilt."""
-        return 0.0, 0.0, 0.0
+    least: float  # smallest 2r/d of a draw
+    scatter: float  # of α_b: 1, or 0 for none across the stream
+    depth: float  # of the bed level below a centre in contact with an untilted bed, plus ½
 
 
-class R1(NamedTuple):
-    """Touching spheres in the plane of motion; nothing across. García & Niño (1992)."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """θ_b from r₁."""
-        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
-        return theta, 0.0, clipped
-
-
-class R2(NamedTuple):
-    """A plane tilted uniformly within ±4°. Tsuji et al. (1987); chapter 2 of the thesis swaps R2 and R3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """Uniform tilts."""
-        return TILT * (2.0 * draws[0] - 1.0), self.scatter * TILT * (2.0 * draws[1] - 1.0), 0.0
+@shared
+def drawn(how, share, incidence, reading, least):
+    """(angle, whether clipped) of one plane; uniform angles from 0 to 30°."""
+    if how == LEVEL:
+        return 0.0, 0.0
+    if how == TILTED:
+        return TILT * (2.0 * share - 1.0), 0.0
+    if how == NORMAL:
+        return truncated_normal(share, TILT, 0.5 * TILT), 0.0
+    if how == UNIFORM:
+        return STEEPEST * share, 0.0
+    if how == TOUCHING:
+        return touching(share, incidence, reading, least)
+    return bounded(share, incidence, reading, least)
 
 
-class R3(NamedTuple):
-    """A plane tilted normally within ±4° (standard deviation 2°, truncated). Sommerfeld (1992)."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """Normal tilts."""
-        return truncated_normal(draws[0], TILT, 0.5 * TILT), self.scatter * truncated_normal(draws[1], TILT, 0.5 * TILT), 0.0
-
-
-class R4(NamedTuple):
-    """θ_b uniform from 0 to 30°, α_b within ±30°. Thesis section 3.2.3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """Independent of the incidence."""
-        return STEEPEST * draws[0], self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), 0.0
+@shared
+def angles(roughness, incidence, across, draws):
+    """(θ_b, α_b, whether θ_b was clipped) for incidence angles in and across the plane of motion and uniform draws."""
+    theta, clipped = drawn(roughness.along, draws[0], incidence, roughness.reading, roughness.least)
+    if roughness.side == UNIFORM:
+        alpha = STEEPEST * (2.0 * draws[1] - 1.0)
+    else:
+        alpha = drawn(roughness.side, draws[1], across, roughness.reading, roughness.least)[0]
+        if roughness.side in (TOUCHING, BOUNDED):
+            alpha = sided(alpha, draws[2], roughness.reading)
+    return theta, roughness.scatter * alpha, clipped
 
 
-class R5(NamedTuple):
-    """Touching spheres in both planes, r₁ ∈ U(0, ½), r₂ ∈ U(−½, ½). Thesis section 3.2.3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """θ_b from r₁, |α_b| from |r₂|, its side from the sign of r₂."""
-        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
-        alpha = touching(draws[1], across, self.reading, self.least)[0]
-        return theta, self.scatter * sided(alpha, draws[2], self.reading), clipped
-
-
-class R6(NamedTuple):
-    """R5 with both ranges bounded by 30°. Thesis section 3.2.3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """As R5, from the bounded ranges."""
-        theta, clipped = bounded(draws[0], incidence, self.reading, self.least)
-        alpha = bounded(draws[1], across, self.reading, self.least)[0]
-        return theta, self.scatter * sided(alpha, draws[2], self.reading), clipped
-
-
-class R7(NamedTuple):
-    """θ_b as R5, α_b as R4. Thesis section 3.2.3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """Touching spheres in the plane of motion, uniform across."""
-        theta, clipped = touching(draws[0], incidence, self.reading, self.least)
-        return theta, self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), clipped
-
-
-class R8(NamedTuple):
-    """θ_b as R6, α_b as R4. Thesis section 3.2.3."""
-
-    reading: int
-    least: float
-    scatter: float
-    depth: float
-
-    def angles(self, incidence, across, draws):
-        """The bounded range in the plane of motion, uniform across."""
-        theta, clipped = bounded(draws[0], incidence, self.reading, self.least)
-        return theta, self.scatter * STEEPEST * (2.0 * draws[1] - 1.0), clipped
-
-
-angles = method("angles", 3)
-
-ROUGHNESS: dict[str, Any] = {"flat": Flat, "R1": R1, "R2": R2, "R3": R3, "R4": R4, "R5": R5, "R6": R6, "R7": R7, "R8": R8}
+ROUGHNESS: dict[str, Any] = {
+    "flat": partial(Roughness, LEVEL, LEVEL),  # a smooth plane at the bed level
+    "R1": partial(Roughness, TOUCHING, LEVEL),  # García & Niño (1992)
+    "R2": partial(Roughness, TILTED, TILTED),  # Tsuji et al. (1987): uniform within ±4°; the thesis's chapter 2 swaps R2 and R3
+    "R3": partial(Roughness, NORMAL, NORMAL),  # Sommerfeld (1992): normal within ±4° (standard deviation 2°, truncated)
+    "R4": partial(Roughness, UNIFORM, UNIFORM),  # θ_b from 0 to 30°, α_b within ±30°; this and the rest: thesis section 3.2.3
+    "R5": partial(Roughness, TOUCHING, TOUCHING),  # r₁ ∈ U(0, ½), r₂ ∈ U(−½, ½)
+    "R6": partial(Roughness, BOUNDED, BOUNDED),  # the same, both ranges bounded by 30°
+    "R7": partial(Roughness, TOUCHING, UNIFORM),
+    "R8": partial(Roughness, BOUNDED, UNIFORM),
+}
+"""Sub-models by name: reading, least, scatter, depth -> Roughness."""
 
 
 @shared
