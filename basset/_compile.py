@@ -59,10 +59,13 @@ def compiled(factory: Callable[[str], Function], *, reassociate: bool = False, a
         options["_nrt"] = False
     function: Any
     digest = digest_of(factory.__module__.split(".")[0])
+    plain = factory(digest)
+    # the name is part of the index's file name: an index of other sources may hold types that are no more, and cannot be read
+    plain.__qualname__ += "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
     try:
-        function = numba.njit(cache=True, **options)(factory(digest))
+        function = numba.njit(cache=True, **options)(plain)
     except RuntimeError:  # nowhere to write: neither beside the package nor in the user's cache
-        function = numba.njit(**options)(factory(digest))
+        function = numba.njit(**options)(plain)
     return cast(Function, function)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from saltation.bed.roughness import CLIP, LITERAL, READINGS, REJECT, ROUGHNESS, SPHERES, STEEPEST, TILT, facing, truncated_normal
+from saltation.bed.roughness import CLIP, LITERAL, READINGS, REJECT, ROUGHNESS, SPHERES, STEEPEST, TILT, angles, facing, truncated_normal
 
 TOUCHING = ("R1", "R5", "R6", "R7", "R8")
 LIMIT = 1e-12  # radians, rounding
@@ -26,7 +26,7 @@ def draws(count, seed):
 def thetas(name, reading, incidence, count=4000, seed=1, least=0.0):
     """(θ_b, clipped) of many draws."""
     b = bed(name, reading, least)
-    return np.array([b.angles(incidence, 0.5 * math.pi, d)[::2] for d in draws(count, seed)]).T
+    return np.array([angles(b, incidence, 0.5 * math.pi, d)[::2] for d in draws(count, seed)]).T
 
 
 def velocities(count, seed):
@@ -42,7 +42,7 @@ class TestTheRelation:
         """r/d = ½ (cos θ_b − tan θ_in sin θ_b) for r/d ∈ U(0, ½), thesis (3-5)."""
         for incidence in INCIDENCES[:-1]:
             for d in draws(200, 2):
-                theta, _, clipped = bed(name, LITERAL).angles(incidence, 0.5 * math.pi, d)
+                theta, _, clipped = angles(bed(name, LITERAL), incidence, 0.5 * math.pi, d)
                 offset = 0.5 * (math.cos(theta) - math.tan(incidence) * math.sin(theta))
                 assert offset == pytest.approx(0.5 * d[0], abs=1e-14)
                 assert -1e-8 < theta <= 0.5 * math.pi - incidence + LIMIT
@@ -52,7 +52,7 @@ class TestTheRelation:
         """The same with r₂, α_in and α_b; the side is that of r₂."""
         for across in np.radians([5.0, 30.0, 70.0]):
             for d in draws(200, 3):
-                alpha = bed("R5", LITERAL).angles(0.3, across, d)[1]
+                alpha = angles(bed("R5", LITERAL), 0.3, across, d)[1]
                 assert 0.5 * (math.cos(alpha) - math.tan(across) * math.sin(abs(alpha))) == pytest.approx(0.5 * d[1], abs=1e-14)
                 assert (alpha > 0.0) == (d[2] < 0.5)
 
@@ -89,7 +89,7 @@ class TestClip:
             assert 0.65 < np.mean(thetas("R1", CLIP, math.radians(degrees))[1]) < 0.82
 
     def test_across_too(self):
-        alphas = np.array([bed("R5", CLIP).angles(0.3, 0.2, d)[1] for d in draws(2000, 5)])
+        alphas = np.array([angles(bed("R5", CLIP), 0.3, 0.2, d)[1] for d in draws(2000, 5)])
         assert np.abs(alphas).max() == STEEPEST
         assert np.mean(alphas > 0.0) == pytest.approx(0.5, abs=0.05)
 
@@ -134,7 +134,7 @@ class TestPrintedBounds:
             theta, _ = thetas(name, LITERAL, incidence, 500)
             assert theta.min() >= STEEPEST - LIMIT
             assert theta.max() <= 0.5 * math.pi - incidence + LIMIT
-        alphas = [bed("R6", LITERAL).angles(0.2, 0.4, d)[1] for d in draws(200, 10)]
+        alphas = [angles(bed("R6", LITERAL), 0.2, 0.4, d)[1] for d in draws(200, 10)]
         assert np.abs(alphas).min() >= STEEPEST - LIMIT
 
     def test_where_its_range_is_empty_nothing_is_bounded(self):
@@ -187,7 +187,7 @@ class TestSpheres:
         """The draw has both sides already: the sign of r₂ turns no contact to where the path cannot touch."""
         for name in ("R5", "R6"):
             for across in np.radians([3.0, 20.0, 50.0]):
-                alpha = np.array([bed(name, SPHERES).angles(0.3, across, d)[1] for d in draws(500, 14)])
+                alpha = np.array([angles(bed(name, SPHERES), 0.3, across, d)[1] for d in draws(500, 14)])
                 assert np.sin(alpha + across).min() >= -LIMIT
                 assert alpha.min() < 0.0 < alpha.max() <= STEEPEST + LIMIT
 
@@ -199,12 +199,12 @@ class TestSpheres:
 class TestPlanesAndUniform:
     @pytest.mark.parametrize("name", ["R2", "R3"])
     def test_within_4_degrees_whatever_the_incidence(self, name):
-        both = np.array([bed(name).angles(incidence, 0.3, d)[:2] for incidence in INCIDENCES for d in draws(300, 15)])
+        both = np.array([angles(bed(name), incidence, 0.3, d)[:2] for incidence in INCIDENCES for d in draws(300, 15)])
         assert np.abs(both).max() <= TILT
         assert math.degrees(np.abs(both).max()) > 3.8
 
     def test_uniform_tilts(self):
-        both = np.array([bed("R2").angles(0.2, 0.3, d)[:2] for d in draws(4000, 16)])
+        both = np.array([angles(bed("R2"), 0.2, 0.3, d)[:2] for d in draws(4000, 16)])
         for column in both.T:
             assert stats.kstest(column, stats.uniform(-TILT, 2.0 * TILT).cdf).pvalue > 0.02
         assert abs(np.corrcoef(both.T)[0, 1]) < 0.05
@@ -213,7 +213,7 @@ class TestPlanesAndUniform:
         """Standard deviation 2°, cut at ±4°: quantile by quantile, to rounding."""
         for share in (1e-9, 0.001, 0.02, 0.3, 0.5, 0.5 + 1e-9, 0.77, 0.99, 1.0 - 1e-9):
             expected = stats.truncnorm.ppf(share, -2.0, 2.0, scale=0.5 * TILT)
-            theta, alpha, _ = bed("R3").angles(0.2, 0.3, (share, 1.0 - share, 0.5, 0.5))
+            theta, alpha, _ = angles(bed("R3"), 0.2, 0.3, (share, 1.0 - share, 0.5, 0.5))
             assert theta == pytest.approx(expected, abs=1e-13)
             assert alpha == pytest.approx(-expected, abs=1e-13)
         for width, deviation in ((1.0, 4.0), (3.0, 1.0)):
@@ -222,7 +222,7 @@ class TestPlanesAndUniform:
                 assert truncated_normal(share, width, deviation) == pytest.approx(expected, abs=1e-12)
 
     def test_r4(self):
-        both = np.array([bed("R4").angles(1.0, 0.3, d)[:2] for d in draws(4000, 17)])
+        both = np.array([angles(bed("R4"), 1.0, 0.3, d)[:2] for d in draws(4000, 17)])
         assert stats.kstest(both[:, 0], stats.uniform(0.0, STEEPEST).cdf).pvalue > 0.02
         assert stats.kstest(both[:, 1], stats.uniform(-STEEPEST, 2.0 * STEEPEST).cdf).pvalue > 0.02
         assert both[:, 0].min() >= 0.0
@@ -230,7 +230,7 @@ class TestPlanesAndUniform:
     @pytest.mark.parametrize("name", ["R7", "R8"])
     def test_across_as_r4(self, name):
         for d in draws(100, 18):
-            assert bed(name).angles(0.2, 0.3, d)[1] == bed("R4").angles(0.2, 0.3, d)[1]
+            assert angles(bed(name), 0.2, 0.3, d)[1] == angles(bed("R4"), 0.2, 0.3, d)[1]
 
     def test_flat(self):
         """A smooth wall at the bed level: the grain stands half a diameter above it."""
