@@ -8,7 +8,6 @@ from scene_cases import linear, run_plain, scene
 
 from basset import reference
 
-SHORT = pytest.mark.xfail(strict=True, reason="a step that is to be as short as the shortest becomes shorter on the ladder of sizes: failed")
 WEIGHT = {"effects": ["weight"], "drag": None, "added_mass": None, "history": None}
 
 
@@ -112,7 +111,6 @@ class TestBouncing:
         assert largest(path["x"], 1.5 * reference.response(t, rate, coefficient, 1)) < 1e-8
         assert largest(path["u"], reference.relaxing(t, rate, coefficient, 1.5)) < 1e-8
 
-    @SHORT
     def test_it_comes_to_rest(self):
         """Ever shorter jumps: all there are, as exact as the first, and then the grain lies still."""
         made = scene("bouncing", bed={"restitution": 0.5}, run={"jumps": 10000})
@@ -210,7 +208,6 @@ class TestParabola:
             u, spin, w = u - loss, spin + 5.0 * loss, self.E * w
         assert slid[0] and not slid[-1] and u == pytest.approx(0.5 * spin)
 
-    @SHORT
     def test_it_comes_to_rest_at_the_sum_of_a_geometric_series(self):
         made = scene("bouncing", **WEIGHT, bed={"restitution": 0.5}, run={"jumps": 10000}, height=5.5)
         result = run_plain(made)
