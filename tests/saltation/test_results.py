@@ -417,3 +417,40 @@ def test_the_engine_is_not_needed_afterwards(sand):
     """The path is computed once and kept."""
     assert sand.trajectory is sand.trajectory
     assert isinstance(sand._engine, Engine)
+
+
+@pytest.mark.xfail(strict=True, reason="spins that are no states are known from the table of jumps alone: ω_y, of flights that have ended")
+class TestSpinsWithoutRotation:
+    """Contacts alone turn the grain: what it turns with is on the path, and the forces on it are those that were felt."""
+
+    @pytest.fixture
+    def turned(self):
+        made = scene(
+            "sand",
+            effects=["weight", "drag", "added_mass", "magnus"],
+            magnus={"form": "vector"},
+            history=None,
+            run={"jumps": None, "duration": 0.35, "discard": 0},
+            solver={"rtol": 1e-9},
+        )
+        return run_plain(made)
+
+    def test_forces_are_the_acceleration_in_every_flight(self, turned):
+        path = turned.trajectory
+        time = path["time"].to_numpy()
+        starts = np.append(0, np.flatnonzero(np.diff(time) == 0.0) + 1)
+        assert len(starts) == len(turned.jumps) + 1 > 3  # the last flight is cut by the end
+        for low, high in itertools.pairwise(np.append(starts, len(time))):
+            for velocity, axis in zip("uvw", AXES, strict=True):
+                slope = CubicSpline(time[low:high], path[velocity].to_numpy()[low:high]).derivative()(time[low:high])
+                assert np.abs(slope - accelerations(path, axis)[low:high])[2:-2].max() < 1e-3
+
+    def test_the_spin_is_that_of_the_flight_up_to_its_impact(self, turned):
+        path = turned.trajectory
+        time = path["time"].to_numpy()
+        starts = np.append(0, np.flatnonzero(np.diff(time) == 0.0) + 1)
+        for low, high in itertools.pairwise(np.append(starts, len(time))):
+            for axis in AXES:
+                assert np.ptp(path[f"spin_{axis}"].to_numpy()[low:high]) == 0.0
+        assert np.abs(path["spin_x"]).max() > 0.1 and np.abs(path["spin_z"]).max() > 0.1
+        np.testing.assert_allclose(path["spin_y"].to_numpy()[starts[:-1]], turned.jumps["spin"], rtol=1e-14)
