@@ -464,7 +464,7 @@ def attempt(model, finite, spin, problem, nodes, tables, state, values, work):
                         work.rates[i, problem.where[a]] += work.extra[i, a]
             error = CARE * defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
             if finite is not None:
-                error *= CARE  # after a jump its solution has powers of √t that the step's polynomial has not
+                error *= 4.0  # after a jump its solution has powers of √t that the step's polynomial has not
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
         if error <= 1.0:
