@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 import saltation
 from basset.kernels import Floats
@@ -101,8 +102,8 @@ def heights(result: Result) -> dict[str, Any]:
     """The means, and every height and deviation in increasing order."""
     jumps = result.jumps
     row = means(result)
-    row["heights"] = rounded(np.sort(jumps["height"].to_numpy()), 4)
-    row["deviations"] = rounded(np.sort(jumps["deviation_angle"].abs().to_numpy()), 4)
+    row["heights"] = rounded(np.sort(jumps["height"].to_numpy()), 3)
+    row["deviations"] = rounded(np.sort(jumps["deviation_angle"].abs().to_numpy()), 3)
     return row
 
 
@@ -177,8 +178,8 @@ def cut_path(time: Floats, x: Floats, z: Floats, level: float) -> dict[str, Any]
         end = time[last - 1] + share * (time[last] - time[last - 1])
     else:
         end = time[-1]
-    wanted = np.linspace(time[0], end, 61)
-    along, up = np.interp(wanted, time, x) - x[0], np.interp(wanted, time, z) - level
+    wanted, places = np.linspace(time[0], end, 41), np.unique(time, return_index=True)[1]
+    along, up = (PchipInterpolator(time[places], values[places])(wanted) - origin for values, origin in ((x, x[0]), (z, level)))
     return rounded({"height": float(z.max() - level), "length": float(along[-1]), "x": along, "z": up, "landed": bool(len(below))})
 
 

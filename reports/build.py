@@ -12,7 +12,7 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import analysis, figures, flights, memory, solver
+from reports import analysis, figures, flights, memory, saltation, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
 
@@ -290,6 +290,9 @@ def front(data: dict[str, Record]) -> str:
             "* [What a digit costs, and what a jump does to each scheme's order](solver.md): equations with memory, every scheme and graded collocation.",
             solver.opening(data),
             "![measured orders before and after a jump](figures/solver_orders.png)",
+            "* [What each effect, each correction and each reading does to a jump](saltation.md): a grain over a bed, beside published regressions.",
+            saltation.opening(data),
+            "![height, length and speed among the regressions](figures/saltation_envelope.png)",
             "* [What a jump costs, and how exact it is](flights.md): speed and convergence of flights, collocation beside every scheme at fixed steps.",
             flights.opening(data),
             "![error of a jump against its time](figures/flights_accuracy.png)",
@@ -304,7 +307,7 @@ def main() -> None:
     data = load(HERE / "data")
     with mpl.rc_context(LOOK):
         pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data)}
-        pages |= {"flights.md": flights.flights(data), "README.md": front(data)}
+        pages |= {"saltation.md": saltation.saltation(data), "flights.md": flights.flights(data), "README.md": front(data)}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

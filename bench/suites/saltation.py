@@ -20,7 +20,7 @@ SCENES = {73: "sand", 250: "sand_coarse"}
 STAGES = {73: (1.79, 1.87, 2.43, 2.50, 2.67), 250: (2.31, 3.08, 3.85)}
 PROFILES, READINGS = ("swamee", "yalin", "constant_b"), ("clip", "reject", "literal", "spheres")
 FAR = 1e5  # d/u*: the memory of a run in which nothing is forgotten
-FORGETFUL = ("no history", "jump ignored, 1 jump")
+SHIPPED = "swamee, clip"
 
 Content = dict[str, Any]
 Tasks = dict[Any, Task]
@@ -37,7 +37,7 @@ def memories() -> dict[str, Content]:
             found[label + name] = {"history": {"rebound": rebound, "kernel": kernel, **limit}}
         if kernel == "basset":
             for count in (10, 20, 50):
-                found[f"jump ignored, {count} jumps"] = {"history": {"rebound": "none", "window_jumps": count}}
+                found[f"jump ignored, {count} jumps"] = {"history": {"rebound": "none", "window_jumps": count, "horizon": FAR}}
         found[f"{label}jump ignored, all jumps"] = {"history": {"rebound": "none", "kernel": kernel, "horizon": FAR}}
     found["remembered, e = 0.97 exp(−35/St)"] = {"bed": {"restitution": "stokes"}}
     found["remembered, immersed contact mass"] = {"bed": {"contact_mass": "immersed"}}
@@ -71,7 +71,7 @@ def memory_tasks(jumps: int) -> Tasks:
         content = changed(base(SCENES[reynolds], jumps), channel={"transport_stage": stage, "profile": profile}, bed={"reading": reading})
         for name, changes in memories().items():
             tasks["memory", case, name] = Task(changed(content, **changes))
-        for count in (jumps // 4, jumps // 2, jumps, 2 * jumps):
+        for count in (jumps // 4, jumps // 2, jumps):
             longer = changed(content, history={"rebound": "none", "horizon": FAR}, run={"jumps": count + 20})
             tasks["growth", case, count] = Task(longer)
     return tasks
@@ -85,19 +85,17 @@ def memory(found: Found) -> dict[str, Any]:
             _, case, name = key
             prototype = PROTOTYPE.get(name, (None,) * len(CASES))[case]
             bound = None if prototype is None else min(PROTOTYPE_ERROR[CASES[case][0]], 0.02 * prototype)
-            records.append({"case": case, "name": name, "prototype": prototype, "prototype_error": bound, **kept(row)})
+            records.append({"case": case, "name": name, "prototype": prototype, "prototype_error": bound, **kept(row, ("stokes",))})
         elif key[0] == "growth":
-            last = row["series"]["height"][-50:]
-            growth.append(
-                {"case": key[1], "counted": key[2], "jumps": row["jumps"], "status": row["status"], "height": row["height"], "last": rounded(last.mean())}
-            )
+            growth.append({"case": key[1], "counted": key[2], **{name: row[name] for name in ("jumps", "status", "height", "length")}})
     cases = [dict(zip(("particle_reynolds", "stage", "reading", "profile"), case, strict=True)) for case in CASES]
     return {"cases": cases, "records": records, "growth": growth}
 
 
-def kept(row: dict[str, Any]) -> dict[str, Any]:
-    """A row without its series."""
-    return {key: value for key, value in row.items() if key != "series"}
+def kept(row: dict[str, Any], more: tuple[str, ...] = ()) -> dict[str, Any]:
+    """How a run ended, its mean jump, and what else is wanted of it."""
+    ending = ("status", "jumps") if row["status"] == "finished" else ("status", "message", "jumps")
+    return {key: row[key] for key in (*ending, *QUANTITIES, *more)}
 
 
 # Where the numbers lie among the regressions
@@ -112,6 +110,8 @@ def variants() -> dict[tuple[str, str], Content]:
     found["reading", "reichardt, clip"] = {"channel": {"profile": "reichardt"}}
     for reading in ("clip", "reject"):
         found["reading", f"swamee, {reading}, k_s = 2 d"] = {"bed": {"reading": reading}}
+    found["reading", "swamee, clip, Magnus as a vector"] = {"magnus": {"form": "vector"}}
+    found["reading", "swamee, clip, no Magnus"] = {"without": ("magnus",)}
     chosen = ("no history", "restarted", "wiped", "jump ignored, 1 jump", "Mei–Adrian: remembered", "Mei–Adrian: restarted", "Mei–Adrian: jump ignored, 1 jump")
     found |= {("memory", name): changes for name, changes in memories().items() if name in chosen}
     found["printed", "torque without ρ/ρ_s"] = {"rotation": {"density_ratio": False}}
@@ -129,7 +129,7 @@ def grid_tasks(jumps: int) -> Tasks:
                 scene = changed(at, **changes)
                 if "k_s" in name:
                     scene["channel"]["roughness_height"] = 2.0 * scene["grain"]["diameter"]
-                tasks["grid", reynolds, stage, kind, name] = Task(scene, "heights" if name == "swamee, clip" else "means")
+                tasks["grid", reynolds, stage, kind, name] = Task(scene, "heights" if name == SHIPPED else "means")
     return tasks
 
 
@@ -138,9 +138,11 @@ def grid(found: Found) -> dict[str, Any]:
     records = []
     for key, row in found.items():
         if key[0] == "grid":
-            deviations = {"deviations": row["deviations"]} if "deviations" in row and (key[1], key[2]) == (73, 1.87) else {}
-            plain = {name: value for name, value in kept(row).items() if name not in ("heights", "deviations")}
-            records.append({"particle_reynolds": key[1], "stage": key[2], "kind": key[3], "name": key[4], **plain, **deviations})
+            more = ("spin",) if key[3] == "printed" else ()
+            if key[4] == SHIPPED:
+                more = ("spin", "takeoff_angle", "deviation", "stokes_range", "clipped", "creeping", "bed_load")
+                more += ("deviations",) if key[1:3] == (73, 1.87) else ()
+            records.append({"particle_reynolds": key[1], "stage": key[2], "kind": key[3], "name": key[4], **kept(row, more)})
     published = []
     for reynolds, stages in STAGES.items():
         numbers = scene_of(base(SCENES[reynolds], 1)).numbers
@@ -156,7 +158,7 @@ def grid(found: Found) -> dict[str, Any]:
         name: rounded([float(value) for value in regression(numbers.particle_reynolds, numbers.stage)]) for name, regression in regressions.REGRESSIONS.items()
     }
     gravel = rounded({"particle_reynolds": numbers.particle_reynolds, "stage": numbers.stage, "reynolds": numbers.reynolds}) | {"regressions": coarse}
-    return {"records": records, "published": published, "gravel": gravel, "shipped": "swamee, clip"}
+    return {"records": records, "published": published, "gravel": gravel, "shipped": SHIPPED}
 
 
 # Effects, corrections and choices, in pairs
@@ -279,18 +281,22 @@ def single_tasks(scene: Content, takeoff: dict[str, float], end: float) -> Tasks
 
 def single(found: Found) -> list[dict[str, Any]]:
     """Figs 3-5 and 3-6: the jump from the thesis's start and from the mean takeoff of the run."""
-    records = []
+    records: list[dict[str, Any]] = []
+    tasks: Tasks = {}
     for figure, name, changes, end in JUMPS:
         mean = found["single", figure]
         starts = {
-            "u = w = 2 u*, ω = 2 u*/d": {"u": 2.0, "w": 2.0, "spin": 2.0},
+            "start of the thesis's runs": {"u": 2.0, "w": 2.0, "spin": 2.0},
             "mean takeoff of the run": {"u": mean["takeoff_x"]["mean"], "w": mean["takeoff_z"]["mean"], "spin": mean["spin"]["mean"]},
         }
+        numbers = scene_of(jump_base(name, changes, 20)).numbers
+        about = rounded({"diameter": numbers.diameter, "shear_velocity": numbers.velocity, "stage": numbers.stage})
         for start, takeoff in starts.items():
-            paths = grains.run_all(single_tasks(jump_base(name, changes, 20), takeoff, end), workers=0)
-            numbers = scene_of(jump_base(name, changes, 20)).numbers
-            about = {"figure": figure, "start": start, "takeoff": rounded(takeoff), "diameter": numbers.diameter, "shear_velocity": numbers.velocity}
-            records.append({**about, "stage": rounded(numbers.stage), "run_height": mean["height"], "paths": paths})
+            records.append({"figure": figure, "start": start, "takeoff": rounded(takeoff), **about, "run_height": mean["height"]})
+            tasks |= {(figure, start, path): task for path, task in single_tasks(jump_base(name, changes, 20), takeoff, end).items()}
+    flown = grains.run_all(tasks)
+    for record in records:
+        record["paths"] = {path: row for (figure, start, path), row in flown.items() if (figure, start) == (record["figure"], record["start"])}
     return records
 
 
@@ -372,7 +378,7 @@ def thesis_campaign(full: bool) -> dict[str, Any]:
     return {
         "runs": rounded(table[columns].to_dict("records")),
         "judged": rounded(campaigns.judge(table).to_dict("records")),
-        "overlap": overlap(table, ("D", 3), ("G", 2)),
+        "overlap": overlap(table, ("E", 2), ("G", 2)),
     }
 
 
@@ -381,14 +387,14 @@ def run(full: bool) -> dict[str, Any]:
     jumps = COUNTED if full else COUNTED_SHORT
     tasks = memory_tasks(jumps) | grid_tasks(jumps) | lever_tasks(jumps) | other_tasks(jumps, 2000 if full else 600)
     found = grains.run_all(tasks)
-    saturation = [{"stage": key[1], "name": key[2], **kept(row)} for key, row in found.items() if key[0] == "saturation"]
+    saturation = [{"stage": key[1], "name": key[2], **kept(row, ("spin",))} for key, row in found.items() if key[0] == "saturation"]
     return {
         "counted": jumps,
         "memory": memory(found),
         "grid": grid(found),
         "effects": effects(found),
         "single": single(found),
-        "heights": {key[1]: kept(row) for key, row in found.items() if key[0] == "heights"},
+        "heights": {key[1]: kept(row, ("creeping", "clipped", "heights")) for key, row in found.items() if key[0] == "heights"},
         "forces": found["forces", "sand"],
         "magnus": magnus(found),
         "saturation": saturation,

@@ -1,0 +1,670 @@
+"""The page reports/saltation.md: what each effect, each correction and each reading does to a jump."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+import pandas as pd
+
+from reports import saltation_figures as figures
+from reports.analysis import Record, Target
+from reports.page import asked, factor, fill, footer, grouped, save, table
+from saltation import plots
+
+SUITES = ("saltation",)
+QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}
+SIZES = (73, 250)
+SCENES = {"sand": "sand, R_p 73, T 1.87", "sand_coarse": "coarse sand, R_p 250, T 3.08", "gravel": "gravel, 30 mm, T 1.72"}
+BARE = "no history"
+REMEMBERING = ("remembered", "restarted", "Mei–Adrian: remembered", "Mei–Adrian: restarted", "Dorgan–Loth: remembered", "Dorgan–Loth: restarted")
+IGNORING = ("jump ignored, 1 jump", "Mei–Adrian: jump ignored, 1 jump", "Dorgan–Loth: jump ignored, 1 jump")
+SLIP_FORGOTTEN = ("wiped", *IGNORING)
+PRESCRIBED = "Run A: spin prescribed (3-6)"
+CREEP = 0.1  # d
+SAME = 1e-6  # differences in H, L and ū by rounding alone
+KEPT_BY = 3.0  # standard errors within which the prototype's numbers have to lie
+
+
+# Reading the records
+
+
+def places(error: float) -> int:
+    """Decimal places that show an error with its first digit, at most three."""
+    return 2 if error <= 0.0 else min(3, max(0, math.ceil(-math.log10(error))))
+
+
+def number(row: Record, key: str) -> str:
+    """A mean with its standard error."""
+    value = row[key]
+    if value["mean"] is None:
+        return "–"
+    digits = places(value["se"] or 0.0)
+    return f"{value['mean']:.{digits}f} ± {value['se'] or 0.0:.{digits}f}"
+
+
+def share(value: float, digits: int = 0) -> str:
+    """A share in per cent."""
+    return f"{100.0 * value:.{digits}f} %"
+
+
+def signed(value: float, digits: int = 0) -> str:
+    """A number with its sign, as printers set it."""
+    return f"{value:+.{digits}f}".replace("-", "−")
+
+
+def ended(row: Record) -> str:
+    """Empty for a run that went to its end, else how it ended."""
+    return "" if row["status"] == "finished" else f" ({row['status']} after {row['jumps']} jumps)"
+
+
+def percent(ratio: float) -> str:
+    """A change as people say it."""
+    return f"{signed(100.0 * (ratio - 1.0))} %" if ratio < 3.0 else f"× {factor(ratio)}"
+
+
+def span(values: Iterable[float], form: str = "{:.0f}") -> str:
+    """The smallest and the largest, once if they look the same."""
+    found = list(values)
+    return " to ".join(dict.fromkeys((form.format(min(found)), form.format(max(found))))).replace("-", "−")
+
+
+def grid(data: Record, name: str, reynolds: int) -> list[Record]:
+    """The runs of one variant at one R_p, by stage."""
+    rows = [r for r in data["grid"]["records"] if r["name"] == name and r["particle_reynolds"] == reynolds]
+    return sorted(rows, key=lambda r: r["stage"])
+
+
+def published(data: Record, row: Record) -> Record:
+    """What the regressions say where a run is."""
+    return next(r for r in data["grid"]["published"] if r["particle_reynolds"] == row["particle_reynolds"] and r["stage"] == row["stage"])
+
+
+def side(data: Record, row: Record, quantity: str) -> int:
+    """−1 below the envelope, 0 inside, 1 above; a run without jumps lies below."""
+    low, high = published(data, row)["envelope"][quantity]
+    mean = row[quantity]["mean"]
+    return -1 if mean is None or mean < low else 1 if mean > high else 0
+
+
+def near(data: Record, row: Record, quantity: str) -> bool:
+    """Whether a mean lies outside of the envelope by less than two standard errors."""
+    low, high = published(data, row)["envelope"][quantity]
+    reach = 2.0 * (row[quantity]["se"] or 0.0)
+    return side(data, row, quantity) != 0 and row[quantity]["mean"] is not None and low - reach <= row[quantity]["mean"] <= high + reach
+
+
+def inside(data: Record, name: str, sizes: Sequence[int] = SIZES) -> int:
+    """How many means of a variant lie inside."""
+    return sum(side(data, row, quantity) == 0 for reynolds in sizes for row in grid(data, name, reynolds) for quantity in QUANTITIES)
+
+
+def points(data: Record) -> int:
+    """How many means a variant has."""
+    return len(QUANTITIES) * len(data["grid"]["published"])
+
+
+def lever(data: Record, scene: str, name: str) -> Record:
+    """One of the paired runs."""
+    return next(r for r in data["effects"] if r["scene"] == scene and r["name"] == name)
+
+
+def ratio(data: Record, scene: str, name: str, quantity: str = "height") -> float:
+    """A lever's mean over the base's."""
+    return float(lever(data, scene, name)[quantity]["mean"] / lever(data, scene, "base")[quantity]["mean"])
+
+
+# Memories
+
+
+def heights(data: Record, case: int) -> dict[str, float]:
+    """Mean heights of one case by memory."""
+    return {r["name"]: r["height"]["mean"] for r in data["memory"]["records"] if r["case"] == case}
+
+
+def shortening(data: Record, reynolds: int, names: Sequence[str]) -> list[float]:
+    """By how many per cent these memories shorten the jumps (negative: lengthen), in every case of an R_p."""
+    found = []
+    for case, about in enumerate(data["memory"]["cases"]):
+        if about["particle_reynolds"] == reynolds:
+            here = heights(data, case)
+            found += [100.0 * (1.0 - here[name] / here[BARE]) for name in names]
+    return found
+
+
+def deviation(row: Record) -> float | None:
+    """Difference from the prototype in standard errors of both."""
+    if row["prototype"] is None:
+        return None
+    return float((row["height"]["mean"] - row["prototype"]) / math.hypot(row["height"]["se"], row["prototype_error"]))
+
+
+def case_title(about: Record) -> str:
+    """A case in words."""
+    return f"R_p {about['particle_reynolds']}, T {about['stage']:g}, {about['reading']} + {about['profile'].capitalize()}"
+
+
+def memory_table(data: Record) -> str:
+    """Mean heights by memory, the prototype's beside them."""
+    cases = data["memory"]["cases"]
+    rows = []
+    for name in dict.fromkeys(r["name"] for r in data["memory"]["records"]):
+        cells = []
+        for case in range(len(cases)):
+            row = next(r for r in data["memory"]["records"] if r["case"] == case and r["name"] == name)
+            apart = deviation(row)
+            beside = "" if apart is None else f" ({row['prototype']:.2f}, {signed(apart, 1)})"
+            cells.append(f"{number(row, 'height')}{beside}{ended(row)}")
+        rows.append([name, *cells])
+    return table(["what the memory does at a rebound", *(case_title(about) for about in cases)], rows)
+
+
+def growth_table(data: Record) -> str:
+    """What nothing forgets, by the length of the run."""
+    cases = data["memory"]["cases"]
+    rows = []
+    for counted in dict.fromkeys(r["counted"] for r in data["memory"]["growth"]):
+        found = [next(r for r in data["memory"]["growth"] if r["case"] == case and r["counted"] == counted) for case in range(len(cases))]
+        rows.append([grouped(counted), *(f"{number(row, 'height')} / {number(row, 'length')}{ended(row)}" for row in found)])
+    return table(["jumps counted", *(f"{case_title(about)}: H / L (d)" for about in cases)], rows)
+
+
+# The envelope
+
+
+def reading_cells(data: Record, name: str) -> list[str]:
+    """Inside how often, per R_p and quantity; and on which side the others lie."""
+    cells = []
+    for reynolds in SIZES:
+        rows = grid(data, name, reynolds)
+        for quantity in QUANTITIES:
+            sides = [side(data, row, quantity) for row in rows]
+            words = "".join(f", {sides.count(k)} {word}" for k, word in ((-1, "below"), (1, "above")) if k in sides)
+            cells.append(f"{sides.count(0)}{words}" if sides.count(0) < len(sides) else "all")
+    return cells
+
+
+def reading_table(data: Record, kind: str) -> str:
+    """Every variant of a kind against the envelope."""
+    names = dict.fromkeys(r["name"] for r in data["grid"]["records"] if r["kind"] == kind)
+    rows = []
+    for name in names:
+        runs = [row for reynolds in SIZES for row in grid(data, name, reynolds)]
+        bad = [row for row in runs if row["status"] != "finished"]
+        note = "" if not bad else f"; {len(bad)} of {len(runs)} runs end early: {', '.join(sorted({row['status'] for row in bad}))}"
+        shown = f"**{name}** (shipped)" if name == data["grid"]["shipped"] else name
+        rows.append([shown, *reading_cells(data, name), f"{inside(data, name)} of {points(data)}{note}"])
+    head = [f"R_p {reynolds}: {symbol}" for reynolds in SIZES for symbol in QUANTITIES.values()]
+    return table(["profile, reading" if kind == "reading" else "memory (swamee, clip)", *head, "inside in all"], rows)
+
+
+def spread_of(data: Record, reynolds: int, stage: float, quantity: str) -> tuple[float, float]:
+    """Smallest and largest mean of the memories and the shipped scene."""
+    rows = [r for r in data["grid"]["records"] if r["particle_reynolds"] == reynolds and r["stage"] == stage]
+    values = [r[quantity]["mean"] for r in rows if r["kind"] == "memory" or r["name"] == data["grid"]["shipped"]]
+    return min(values), max(values)
+
+
+def spreads(data: Record, reynolds: int) -> list[float]:
+    """Largest over smallest mean height of the memories, by stage."""
+    edges = [spread_of(data, reynolds, row["stage"], "height") for row in grid(data, data["grid"]["shipped"], reynolds)]
+    return [most / least for least, most in edges]
+
+
+def stage_table(data: Record) -> str:
+    """The shipped scene at every stage: ours, the model's spread, the envelope."""
+    rows = []
+    for reynolds in SIZES:
+        for row in grid(data, data["grid"]["shipped"], reynolds):
+            cells = []
+            for quantity in QUANTITIES:
+                low, high = published(data, row)["envelope"][quantity]
+                least, most = spread_of(data, reynolds, row["stage"], quantity)
+                word = ("**below**", "inside", "**above**")[side(data, row, quantity) + 1]
+                word += " (by less than 2 s.e.)" if near(data, row, quantity) else ""
+                cells.append(f"{number(row, quantity)} [{least:.3g} … {most:.3g}], regressions {low:.3g} … {high:.3g}: {word}")
+            rows.append([f"{reynolds}, {row['stage']:g}", *cells])
+    return table(["R_p, T", "H (d)", "L (d)", "ū (u*)"], rows)
+
+
+def over_speed(data: Record, name: str, reynolds: int) -> str:
+    """By how many per cent the speeds lie above (−: below) the upper edge of the envelope."""
+    rows = grid(data, name, reynolds)
+    return span([100.0 * (row["velocity"]["mean"] / published(data, row)["envelope"]["velocity"][1] - 1.0) for row in rows])
+
+
+def rises(data: Record, name: str, reynolds: int, quantity: str) -> bool:
+    """Whether each stage's mean lies above that of the stage before."""
+    means = [row[quantity]["mean"] for row in grid(data, name, reynolds)]
+    return all(a is not None and b is not None and b > a for a, b in pairwise(means))
+
+
+# Effects
+
+
+def changed(data: Record, row: Record, quantity: str) -> str:
+    """The change of one quantity by a lever."""
+    change = row["change"][quantity]
+    digits = places(change["se"])
+    return f"{QUANTITIES[quantity]} {signed(change['mean'], digits)} ± {change['se']:.{digits}f} ({percent(ratio(data, row['scene'], row['name'], quantity))})"
+
+
+def effect_table(data: Record, group: str) -> str:
+    """Changes of H, L and ū of one group of levers."""
+    names = dict.fromkeys(r["name"] for r in data["effects"] if r["group"] == group)
+    rows = []
+    for name in names:
+        cells = []
+        for scene in SCENES:
+            row = lever(data, scene, name)
+            if row["status"] != "finished":
+                cells.append(f"{row['status']} after {row['jumps']} jumps")
+                continue
+            cells.append(
+                "; ".join(changed(data, row, quantity) for quantity in QUANTITIES)
+                if any(abs(row["change"][q]["mean"]) > SAME for q in QUANTITIES)
+                else "unchanged"
+            )
+        rows.append([name, *cells])
+    bases = [", ".join(f"{symbol} {number(lever(data, scene, 'base'), quantity)}" for quantity, symbol in QUANTITIES.items()) for scene in SCENES]
+    return table(["", *(f"{title}<br>({base})" for title, base in zip(SCENES.values(), bases, strict=True))], rows)
+
+
+# Single jumps, spin, forces
+
+
+def single_of(data: Record, figure: str, start: int) -> Record:
+    """The single jumps of one figure of the thesis: start 0 the thesis's, 1 the mean takeoff."""
+    return [r for r in data["single"] if r["figure"] == figure][start]
+
+
+def single_table(data: Record) -> str:
+    """Height and length of every single jump."""
+    rows = []
+    names = list(data["single"][0]["paths"])
+    heads = []
+    for found in data["single"]:
+        kind = "sand" if found["figure"] == "3-6" else "gravel"
+        takeoff = found["takeoff"]
+        heads.append(f"{kind}: u {takeoff['u']:.2f}, w {takeoff['w']:.2f}, ω {takeoff['spin']:.2f}")
+    for name in names:
+        rows.append([name, *(f"{found['paths'][name]['height']:.2f} / {found['paths'][name]['length']:.1f}" for found in data["single"])])
+    return table(["H/L (d)", *heads], rows)
+
+
+def prescribed(stage: float) -> float:
+    """Thesis (3-6)."""
+    return 5.11 - 1.13 * stage
+
+
+def spin_offsets(data: Record, name: str) -> list[float]:
+    """Mean spin over (3-6), minus one, at R_p 73."""
+    return [row["spin"]["mean"] / prescribed(row["stage"]) - 1.0 for row in grid(data, name, 73)]
+
+
+def spin_table(data: Record) -> str:
+    """Spin, takeoff angle, deviation, impacts by stage."""
+    rows = []
+    for reynolds in SIZES:
+        printed = grid(data, "torque without ρ/ρ_s", reynolds)
+        for row, other in zip(grid(data, data["grid"]["shipped"], reynolds), printed, strict=True):
+            law = f"{prescribed(row['stage']):.2f}" if reynolds == 73 else "–"
+            cells = [number(row, "spin"), number(other, "spin"), law, number(row, "takeoff_angle"), number(row, "deviation")]
+            low, high = row["stokes_range"]
+            rows.append([f"{reynolds}, {row['stage']:g}", *cells, f"{low:.0f} … {high:.0f}", share(row["clipped"]), share(row["creeping"], 1)])
+    head = [
+        "R_p, T",
+        "spin ω_y (u*/d)",
+        "as printed",
+        "(3-6)",
+        "takeoff angle (°)",
+        "deviation (°, absolute)",
+        "St of impacts",
+        "clipped at 30°",
+        "creeping (H < 0.1 d)",
+    ]
+    return table(head, rows)
+
+
+def forces(data: Record) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Shares of the forces over the phase, along and up."""
+    frame = pd.DataFrame(data["forces"]["phase"])
+    return plots.shares(frame, "x"), plots.shares(frame, "z")
+
+
+def magnus_share(data: Record, law: str) -> dict[float, float]:
+    """Mean absolute share of the Magnus force up, by stage."""
+    return {r["stage"]: r["mean"] for r in data["magnus"] if r["law"] == law}
+
+
+def saturation(data: Record, name: str) -> dict[float, float]:
+    """Mean heights by stage of one of the runs of the saturation."""
+    return {r["stage"]: r["height"]["mean"] for r in data["saturation"] if r["name"] == name}
+
+
+def peak(data: Record, name: str) -> float | None:
+    """The stage of the greatest height, None if that is the last one."""
+    found = saturation(data, name)
+    stage = max(found, key=lambda T: found[T])
+    return None if stage == max(found) else stage
+
+
+def exponent(data: Record, axis: str, where: str) -> str:
+    """γ with its interval."""
+    found = next(r for r in data["diffusion"]["exponents"] if r["axis"] == axis and r["range"] == where)
+    low, high = found["interval"]
+    return f"{found['gamma']:.2f}" if low is None else f"{found['gamma']:.2f} [{low:.2f}, {high:.2f}]"
+
+
+# Bed load, campaign
+
+
+def bed_load_table(data: Record) -> str:
+    """q* beside two formulas."""
+    rows = []
+    for reynolds in SIZES:
+        for row in grid(data, data["grid"]["shipped"], reynolds):
+            load = row["bed_load"]
+            cells = [f"{load[name]:.3g}" for name in ("dynamic_friction", "rate", "meyer_peter_mueller", "wong_parker")]
+            rows.append(
+                [f"{reynolds}, {row['stage']:g}", *cells, f"{load['rate'] / load['meyer_peter_mueller']:.1f} / {load['rate'] / load['wong_parker']:.1f}"]
+            )
+    return table(["R_p, T", "μ_d", "q*", "Meyer-Peter–Müller", "Wong–Parker", "ratio to them"], rows)
+
+
+def models(data: Record) -> list[Record]:
+    """The campaign's models by mean rank: index, inside and rank for each R_p."""
+    found: dict[str, Record] = {}
+    for row in data["campaign"]["judged"]:
+        found.setdefault(row["model"], {"model": row["model"], "mean_rank": row["mean_rank"]})[int(row["particle_reynolds"])] = row
+    return sorted(found.values(), key=lambda r: math.inf if r["mean_rank"] is None else r["mean_rank"])
+
+
+def place_of(data: Record, model: str) -> int:
+    """Place of a model in the mean ranks, 1 the best."""
+    return [r["model"] for r in models(data)].index(model) + 1
+
+
+def best_at(data: Record, reynolds: int) -> str:
+    """The model with the smallest error index at an R_p."""
+    return str(min(models(data), key=lambda r: math.inf if r[reynolds]["error_index"] is None else r[reynolds]["error_index"])["model"])
+
+
+def rank_table(data: Record, count: int = 10) -> str:
+    """The best models."""
+    ranked = models(data)
+    chosen = ranked[:count] + [r for r in ranked[count:] if r["model"] == "G2"]
+    rows = []
+    for row in chosen:
+        cells = []
+        for reynolds in SIZES:
+            found = row[reynolds]
+            cells += [f"{found['error_index']:.2f}", share(found["inside"]), f"{found['rank']:.0f}"]
+        rows.append([str(ranked.index(row) + 1), row["model"], *cells])
+    return table(["", "model", *(f"R_p {reynolds}: {what}" for reynolds in SIZES for what in ("error index", "inside", "rank"))], rows)
+
+
+def slow_runs(data: Record, letters: str, reynolds: float, sets: Sequence[int] = (1, 2, 3, 4)) -> list[float]:
+    """Mean heights of some runs of the campaign."""
+    rows = [r for r in data["campaign"]["runs"] if r["run"] in letters and r["particle_reynolds"] == reynolds and r["set"] in sets]
+    return [r["height"] for r in rows if r["height"] is not None]
+
+
+def unfinished(data: Record) -> str:
+    """Runs of the campaign that did not go to their end."""
+    bad = [r for r in data["campaign"]["runs"] if r["status"] != "finished"]
+    if not bad:
+        return "All finished"
+    words = ", ".join(f"{r['run']}{r['set']} at R_p {r['particle_reynolds']:g}, T {r['stage']:g}: {r['status']}" for r in bad)
+    return f"{len(bad)} did not go to their end ({words})"
+
+
+# The page
+
+
+def claims(data: Record) -> str:
+    """What the thesis found, and what is found here."""
+    return table(["thesis", "here"], [*jump_claims(data), *campaign_claims(data), *force_claims(data)])
+
+
+def jump_claims(data: Record) -> list[list[str]]:
+    """On history, Magnus and single jumps."""
+    sand, gravel = single_of(data, "3-6", 0)["paths"], single_of(data, "3-5", 0)["paths"]
+    bare, forgotten = sand["no history"]["height"], sand["takeoff slip forgotten"]["height"]
+    ignored = span([-x for x in shortening(data, 73, IGNORING)])
+    remembered, reynolds = sand["all effects"]["height"], grouped(data["grid"]["gravel"]["reynolds"])
+    return [
+        [
+            "Sand needs the Basset force, without it jumps are too short; gravel does not (figs 3-5, 3-6)",
+            f"Sand: H {percent(ratio(data, 'sand', 'history'))} without history: it *shortens* jumps if rebounds are remembered and "
+            f"lengthens them, by {ignored} % with a memory of one jump, only if the slip's jump at the rebound is ignored. "
+            f"Gravel: H {percent(ratio(data, 'gravel', 'history'))}: agrees",
+        ],
+        [
+            "(the same, one jump of sand)",
+            f"H {bare:.2f} without history, {remembered:.2f} with the takeoff slip remembered, {forgotten:.2f} with it forgotten",
+        ],
+        [
+            "Magnus does nothing visible to a gravel grain (fig. 3-5)",
+            f"One jump: H {gravel['no Magnus']['height']:.2f} without, {gravel['all effects']['height']:.2f} with; in a run, where rebounds spin "
+            f"the grain up, H × {1.0 / ratio(data, 'gravel', 'Magnus'):.0f}. The coefficient ¾ is that of creeping flow; here Re* = {reynolds}",
+        ],
+    ]
+
+
+def campaign_claims(data: Record) -> list[list[str]]:
+    """On the models, spin and angles."""
+    sets = ", ".join(map(str, sorted({r["set"] for r in data["campaign"]["runs"]})))
+    creeping = {run: row["creeping"] for run, row in data["heights"].items()}
+    shipped = data["grid"]["shipped"]
+    first, last = (grid(data, shipped, 73)[k] for k in (0, -1))
+    takeoff, corrected = first["takeoff_angle"], max(map(abs, spin_offsets(data, shipped)))
+    printed = span([-100.0 * x for x in spin_offsets(data, "torque without ρ/ρ_s")])
+    winners = f"best for both {models(data)[0]['model']}, at R_p 73 {best_at(data, 73)}, at R_p 250 {best_at(data, 250)}"
+    return [
+        ["Runs B and C do not saltate", f"H at most {max(slow_runs(data, 'BC', 73.0)):.3f} d at R_p 73, Sets {sets}: agrees"],
+        [
+            "Runs A to C make either very large or extremely small jumps",
+            f"B and C creep ({share(creeping['B'])} and {share(creeping['C'])} of the jumps below {CREEP} d), A does not ({share(creeping['A'], 1)}): "
+            "its R1 is (3-5), upstream faces only, not the uniform ±30° that the text ascribes to it",
+        ],
+        [
+            "G2 is the best model for both grains, D3 at R_p 73, D2 at R_p 250",
+            f"Against the regressions, which are not what the thesis ranked by, G2 is number {place_of(data, 'G2')} of {len(models(data))}; {winners}",
+        ],
+        [
+            "The computed spin agrees with Niño and García",
+            f"Within {share(corrected)} of their regression (3-6) with ρ/ρ_s in the torque, {printed} % below it as printed",
+        ],
+        [
+            "Takeoff angles are over-predicted",
+            f"{takeoff['mean']:.0f}°, single jumps ± {takeoff['sd']:.0f}°, at T {first['stage']:g}; the measured points are not at hand",
+        ],
+        [
+            "The deviation angle does not depend strongly on the flow",
+            f"It falls from {first['deviation']['mean']:.1f}° at T {first['stage']:g} to {last['deviation']['mean']:.1f}° at T {last['stage']:g}, as ū grows",
+        ],
+    ]
+
+
+def force_claims(data: Record) -> list[list[str]]:
+    """On forces, saturation and spreading."""
+    along, up = forces(data)
+    top = len(up) // 2
+    history, drag = along["history"], up["drag"]
+    law, computed = magnus_share(data, "prescribed"), magnus_share(data, "yamamoto")
+    low, high = min(law), max(law)
+    last = [r["share"][-1] for r in data["magnus"] if r["law"] == "yamamoto"]
+    crest = peak(data, PRESCRIBED)
+    crest_words = f"H is greatest at T {crest:g} and falls beyond" if crest else "H rises to the last T"
+    others = [name for name in dict.fromkeys(r["name"] for r in data["saturation"]) if name != PRESCRIBED]
+    rising = "it rises to the last T = 5: agrees" if all(peak(data, name) is None for name in others) else "it has a peak, too"
+    gamma = {(axis, where): exponent(data, axis, where) for axis in "xy" for where in ("local", "intermediate")}
+    return [
+        [
+            "Along the stream drag leads, over 90 % at the top; history has over 50 % at both ends",
+            f"Drag {along['drag'].max():.0f} % at most; history {signed(history.iloc[0])} % first and {signed(history.iloc[-1])} % last: agrees",
+        ],
+        [
+            "Up, weight leads; drag 20, 0, 20 %; Magnus about 20 % on the way up",
+            f"Weight {abs(up['weight'].iloc[top]):.0f} % at mid-jump; drag {', '.join(signed(drag.iloc[k]) for k in (0, top, -1))} %; "
+            f"Magnus {up['magnus'].max():.0f} % at most: agrees",
+        ],
+        [
+            "With (3-6) Magnus loses weight as T grows, with (3-4) it does not",
+            f"{law[low]:.0f} % at T {low:g} and {law[high]:.0f} % at T {high:g}; {computed[low]:.0f} % and {computed[high]:.0f} %: agrees",
+        ],
+        [
+            "With (3-4) Magnus turns negative near the bed before the impact",
+            f"Its share in the last part of the flight is {span(last, '{:.1f}')} %, negative at the smaller T alone: at the larger the grain by then outruns "
+            "the water, both factors turn over, and the force is positive again (the print's bars keep one sign)",
+        ],
+        ["Run A saturates with T, because of (3-6)", f"{crest_words}; without Magnus, or with computed spin, {rising}"],
+        [
+            "Spreading is ballistic (γ ≈ 1) within a jump; then normal (0.5) along and faster across",
+            f"Along {gamma['x', 'local']}, then {gamma['x', 'intermediate']}; across {gamma['y', 'local']}, then {gamma['y', 'intermediate']}: agrees",
+        ],
+    ]
+
+
+def targets(data: Record) -> list[Target]:
+    """What was asked of the simulator's physics, beside what was measured."""
+    rows: list[Target] = []
+    apart = [z for r in data["memory"]["records"] if (z := deviation(r)) is not None]
+    worst = max(apart, key=abs)
+    rows.append(
+        Target(
+            "table of rebound memories against the prototype, every entry",
+            f"≤ {KEPT_BY:g} standard errors",
+            f"{abs(worst):.1f} at worst of {len(apart)}",
+            abs(worst) <= KEPT_BY,
+        )
+    )
+    shipped = data["grid"]["shipped"]
+    for reynolds in SIZES:
+        up = [symbol for quantity, symbol in QUANTITIES.items() if rises(data, shipped, reynolds, quantity)]
+        rows.append(Target(f"H, L and ū rise with T at R_p {reynolds}, shipped scene", "all three", ", ".join(up) or "none", len(up) == len(QUANTITIES)))
+    spins = [row["spin"]["mean"] for row in grid(data, shipped, 73)]
+    falls = all(b < a for a, b in pairwise(spins))
+    off = max(map(abs, spin_offsets(data, shipped)))
+    rows.append(Target("spin falls with T as in (3-6), R_p 73", "falls", f"{spins[0]:.2f} to {spins[-1]:.2f} u*/d, {share(off)} from (3-6) at most", falls))
+    slow = max(slow_runs(data, "BC", 73.0))
+    rows.append(Target("Runs B and C, all Sets, R_p 73", f"H < {CREEP} d", f"{slow:.3f} d at most", slow < CREEP))
+    coarse = max(slow_runs(data, "BC", 250.0, (2,)))
+    rows.append(Target("Runs B and C, Set 2, R_p 250", f"H < {CREEP} d", f"{coarse:.3f} d at most", coarse < CREEP))
+    return rows
+
+
+def opening(data: dict[str, Record]) -> str:
+    """The three sentences to take away."""
+    found = data["saltation"]
+    shipped = found["grid"]["shipped"]
+    ours = grid(found, shipped, 73)
+    below = [100.0 * (1.0 - row["height"]["mean"] / published(found, row)["envelope"]["height"][0]) for row in ours]
+    counts = {r["name"]: inside(found, r["name"]) for r in found["grid"]["records"] if r["kind"] in ("reading", "memory")}
+    return fill(
+        "saltation_opening.md",
+        shorter=span(shortening(found, 73, REMEMBERING)),
+        shorter_coarse=span(shortening(found, 250, REMEMBERING)),
+        longer=span([-x for x in shortening(found, 73, IGNORING)]),
+        inside=inside(found, shipped),
+        points=points(found),
+        near=sum(near(found, row, quantity) for reynolds in SIZES for row in grid(found, shipped, reynolds) for quantity in QUANTITIES),
+        readings=len(counts),
+        most=max(counts.values()),
+        below=span(below),
+        faster=over_speed(found, shipped, 250),
+        spread=span(spreads(found, 73), "{:.1f}"),
+        torque=f"{100.0 * (1.0 / ratio(found, 'sand', 'torque without ρ/ρ_s') - 1.0):.0f}",
+        spin=f"{100.0 * max(map(abs, spin_offsets(found, shipped))):.0f}",
+        signs=f"{1.0 / ratio(found, 'sand', 'rebound 3-B letter by letter'):.1f}",
+        magnus=f"{1.0 / ratio(found, 'sand', 'Magnus'):.1f}",
+        magnus_gravel=f"{1.0 / ratio(found, 'gravel', 'Magnus'):.0f}",
+    )
+
+
+def saltation(data: dict[str, Record]) -> str:
+    """The page reports/saltation.md."""
+    found = data["saltation"]
+    rows = targets(found)
+    shipped = found["grid"]["shipped"]
+    along, up = forces(found)
+    clipped = [row["clipped"] for reynolds in SIZES for row in grid(found, shipped, reynolds)]
+    loads = [row["bed_load"] for row in grid(found, shipped, 73)]
+    rough, bare, restarted = "swamee, clip, k_s = 2 d", "swamee, clip, no Magnus", "Mei–Adrian: restarted"
+    gravel = found["grid"]["gravel"]
+    overlap = found["campaign"]["overlap"]
+    measured, model = overlap["bands"]
+    return fill(
+        "saltation.md",
+        opening=opening(data),
+        counted=grouped(found["counted"]),
+        claims=claims(found),
+        figure_path=save(figures.path(found["forces"]["path"]), "saltation_path"),
+        figure_memory=save(figures.memory(found["memory"], case_title), "saltation_memory"),
+        memory=memory_table(found),
+        agreed=f"{sum(abs(z) <= KEPT_BY for z in zs)} of {len(zs)}"
+        if (zs := [z for r in found["memory"]["records"] if (z := deviation(r)) is not None])
+        else "none",
+        growth=growth_table(found),
+        shorter=span(shortening(found, 73, REMEMBERING)),
+        shorter_coarse=span(shortening(found, 250, REMEMBERING)),
+        longer=span([-x for x in shortening(found, 73, SLIP_FORGOTTEN)]),
+        longer_finite=span([-x for x in shortening(found, 73, IGNORING[1:])]),
+        figure_envelope=save(figures.envelope(found["grid"]), "saltation_envelope"),
+        stages=stage_table(found),
+        readings=reading_table(found, "reading"),
+        memories=reading_table(found, "memory"),
+        figure_effects=save(figures.effects(found["effects"], SCENES), "saltation_effects"),
+        off=effect_table(found, "off"),
+        printed=effect_table(found, "printed"),
+        choices=effect_table(found, "choice"),
+        figure_single=save(figures.single(found["single"]), "saltation_single"),
+        single=single_table(found),
+        figure_angles=save(figures.angles(found["grid"]), "saltation_angles"),
+        spin=spin_table(found),
+        figure_heights=save(figures.heights(found["heights"]), "saltation_heights"),
+        figure_forces=save(figures.forces(found["forces"]["phase"], along, up), "saltation_forces"),
+        figure_shares=save(figures.quartiles(found["forces"]), "saltation_shares"),
+        figure_magnus=save(figures.magnus(found["magnus"]), "saltation_magnus"),
+        figure_saturation=save(figures.saturation(found["saturation"]), "saltation_saturation"),
+        figure_diffusion=save(figures.diffusion(found["diffusion"]), "saltation_diffusion"),
+        jumps=grouped(found["diffusion"]["jumps"]),
+        figure_load=save(figures.bed_load(found["grid"]), "saltation_bed_load"),
+        load=bed_load_table(found),
+        over=span([load["rate"] / load["meyer_peter_mueller"] for load in loads], "{:.1f}"),
+        over_wong=span([load["rate"] / load["wong_parker"] for load in loads], "{:.1f}"),
+        friction=span([load["dynamic_friction"] for load in loads], "{:.2f}"),
+        runs=len(found["campaign"]["runs"]),
+        unfinished=unfinished(found),
+        figure_ranks=save(figures.ranks(models(found)), "saltation_ranks"),
+        ranks=rank_table(found),
+        figure_overlap=save(figures.overlap(overlap), "saltation_overlap"),
+        measured=measured,
+        model=model,
+        areas=", ".join(f"{QUANTITIES[name]} {value:.0f} %" for name, value in overlap["areas"].items()),
+        clipped=span([100.0 * share for share in clipped]),
+        size_points=len(QUANTITIES) * len(grid(found, shipped, 73)),
+        coarse_points=len(QUANTITIES) * len(grid(found, shipped, 250)),
+        shipped_inside=inside(found, shipped, (73,)),
+        shipped_coarse=inside(found, shipped, (250,)),
+        restarted_inside=inside(found, restarted, (73,)),
+        restarted_fast=over_speed(found, restarted, 73),
+        rough_coarse=inside(found, rough, (250,)),
+        rough_inside=inside(found, rough, (73,)),
+        bare_coarse=inside(found, bare, (250,)),
+        bare_inside=inside(found, bare, (73,)),
+        rough_fast=over_speed(found, rough, 250),
+        bare_fast=over_speed(found, bare, 250),
+        fast=over_speed(found, shipped, 250),
+        spread=span(spreads(found, 73), "{:.1f}"),
+        spread_coarse=span(spreads(found, 250), "{:.1f}"),
+        gravel_height=f"{lever(found, 'gravel', 'base')['height']['mean']:.0f}",
+        gravel_bare=f"{lever(found, 'gravel', 'Magnus')['height']['mean']:.1f}",
+        gravel_regression=f"{gravel['regressions']['sklar_dietrich_2004'][0]:.1f}",
+        gravel_reynolds=grouped(gravel["reynolds"]),
+        targets=asked(rows),
+        met=f"{sum(row.met for row in rows)} of {len(rows)} are met.",
+        footer=footer({name: data[name] for name in SUITES}),
+    )

@@ -1,0 +1,170 @@
+"""The page on saltation: what the suite gives, what the page reads from it, and that what the page says holds in the data."""
+
+from functools import lru_cache
+
+import pytest
+
+from bench import grains
+from bench.suites import saltation as suite
+from reports import build, saltation
+from saltation.scene import scene_of
+
+JUMPS = 20
+
+
+@lru_cache
+def committed():
+    return build.load(build.HERE / "data")
+
+
+@pytest.fixture
+def data():
+    return committed()["saltation"]
+
+
+def keys_of(content):
+    return {key for key in content if key != "message"}
+
+
+def test_every_run_of_the_suite_is_a_scene():
+    tasks = suite.memory_tasks(JUMPS) | suite.grid_tasks(JUMPS) | suite.lever_tasks(JUMPS) | suite.other_tasks(JUMPS, JUMPS)
+    for task in tasks.values():
+        scene_of(task.scene)
+    assert len(tasks) > 300
+
+
+def test_the_short_form_gives_what_the_page_needs(data):
+    """A few runs of each part, in the shape of the committed data."""
+    tasks = suite.memory_tasks(JUMPS)
+    chosen = {key: tasks[key] for key in tasks if key[1] == 1 and key[2] in ("no history", "remembered", JUMPS)}
+    tasks = suite.grid_tasks(JUMPS)
+    chosen |= {key: tasks[key] for key in tasks if key[1:3] == (73, 1.87) and key[4] in ("swamee, clip", "swamee, reject", "torque without ρ/ρ_s")}
+    tasks = suite.lever_tasks(JUMPS)
+    chosen |= {key: tasks[key] for key in tasks if key[1] == "sand" and key[3] in ("base", "reading reject")}
+    tasks = suite.other_tasks(JUMPS, 60)
+    chosen |= {key: tasks[key] for key in tasks if key[0] in ("forces", "diffusion") or key == ("heights", "G")}
+    found = grains.run_all(chosen, workers=0)
+
+    memory = suite.memory(found)
+    assert keys_of(memory) == keys_of(data["memory"])
+    assert keys_of(memory["records"][0]) == keys_of(data["memory"]["records"][0])
+    assert keys_of(memory["growth"][0]) == keys_of(data["memory"]["growth"][0])
+    grid = suite.grid(found)
+    assert keys_of(grid) == keys_of(data["grid"])
+    for row in grid["records"]:
+        twin = next(r for r in data["grid"]["records"] if (r["name"], r["stage"], r["particle_reynolds"]) == (row["name"], 1.87, 73))
+        assert keys_of(row) == keys_of(twin)
+    effects = suite.effects(found)
+    assert keys_of(effects[0]) == keys_of(data["effects"][0])
+    assert effects[0]["change"]["height"] == {"mean": 0.0, "se": 0.0}
+    assert keys_of(found["forces", "sand"]) == keys_of(data["forces"])
+    assert keys_of(found["diffusion", "sand"]) == keys_of(data["diffusion"])
+    assert sorted(found["heights", "G"]["heights"]) == found["heights", "G"]["heights"]
+
+
+def test_a_forgotten_takeoff_starts_as_the_remembered_one():
+    _, name, changes, end = suite.JUMPS[0]
+    tasks = suite.single_tasks(suite.jump_base(name, changes, JUMPS), {"u": 2.0, "w": 2.0, "spin": 2.0}, end)
+    found = grains.run_all({key: tasks[key] for key in tasks if "takeoff" in key or key == "all effects"}, workers=0)
+    forgotten, second, first = found["takeoff slip forgotten"], found["takeoff slip remembered, second flight"], found["all effects"]
+    assert forgotten["takeoff"] == pytest.approx([2.0, 2.0], rel=0.03)
+    assert second["height"] == pytest.approx(first["height"], rel=0.05)
+    assert forgotten["height"] > 1.5 * first["height"]
+    assert all(row["landed"] for row in (first,))
+
+
+def test_changes_leave_the_scene_alone_and_merge_tables():
+    content = {"effects": ["drag", "magnus"], "bed": {"friction": 0.1, "reading": "clip"}, "magnus": {"form": "vector"}}
+    result = grains.changed(content, without=("magnus",), bed={"friction": 0.2}, dimensions=2)
+    assert result == {"effects": ["drag"], "bed": {"friction": 0.2, "reading": "clip"}, "dimensions": 2}
+    assert content["bed"]["friction"] == 0.1 and "magnus" in content
+
+
+def test_the_order_of_runs_is_kept():
+    tasks = {name: grains.Task(grains.base("sand", count, 0)) for name, count in (("b", 3), ("a", 2))}
+    found = grains.run_all(tasks, workers=0)
+    assert list(found) == ["b", "a"] and found["b"]["jumps"] == 3
+
+
+def test_numbers_show_their_error():
+    row = {"a": {"mean": 0.2324, "se": 0.0048}, "b": {"mean": 640.5, "se": 64.3}, "c": {"mean": None, "se": None}}
+    assert [saltation.number(row, key) for key in "abc"] == ["0.232 ± 0.005", "640 ± 64", "–"]
+    assert saltation.percent(1.25) == "+25 %" and saltation.percent(0.5) == "−50 %" and saltation.percent(4.0) == "× 4"
+
+
+def test_the_page_builds_from_the_committed_data(tmp_path, monkeypatch):
+    monkeypatch.setattr(saltation, "save", lambda figure, name: build.figures.save(figure, tmp_path, name))
+    page = saltation.saltation(committed())
+    assert "nan" not in page.lower().replace("nanosecond", "")
+    assert page.rstrip().splitlines()[-1].startswith("* saltation: `python -m bench saltation")
+    assert saltation.opening(committed()).count(".\n") == 2  # three sentences
+    assert len(list(tmp_path.glob("saltation_*.png"))) == page.count("(figures/saltation_") // 2
+
+
+def test_every_target_is_met(data):
+    missed = [row.what for row in saltation.targets(data) if not row.met]
+    assert not missed
+
+
+def test_what_is_said_of_memories_holds(data):
+    for reynolds in saltation.SIZES:
+        assert min(saltation.shortening(data, reynolds, saltation.REMEMBERING)) > 10.0
+        assert max(saltation.shortening(data, reynolds, saltation.IGNORING)) < 0.0
+    lengths = [[r["length"]["mean"] for r in data["memory"]["growth"] if r["case"] == case] for case in range(3)]
+    assert all(row[-1] > 1.3 * row[0] for row in lengths)  # what nothing forgets drifts
+    for case in range(3):
+        heights = saltation.heights(data, case)
+        assert heights["Mei–Adrian: jump ignored, all jumps"] == pytest.approx(heights["Mei–Adrian: jump ignored, 1 jump"], rel=0.05)
+
+
+def test_what_is_said_of_the_envelope_holds(data):
+    shipped, weaker, rough, bare = "swamee, clip", "Mei–Adrian: restarted", "swamee, clip, k_s = 2 d", "swamee, clip, no Magnus"
+    assert all(saltation.side(data, row, "height") == -1 for row in saltation.grid(data, shipped, 73))
+    assert all(saltation.side(data, row, "velocity") == 1 for row in saltation.grid(data, shipped, 250))
+    assert saltation.inside(data, weaker, (73,)) > saltation.inside(data, shipped, (73,))
+    for name in (rough, bare):
+        assert saltation.inside(data, name, (250,)) > saltation.inside(data, shipped, (250,))
+        assert saltation.inside(data, name, (73,)) < saltation.inside(data, shipped, (73,))
+    literal = [r for r in data["grid"]["records"] if r["name"] == "swamee, literal"]
+    assert sum(r["status"] == "at rest" for r in literal) > len(literal) / 2
+
+
+def test_what_is_said_of_effects_holds(data):
+    assert saltation.ratio(data, "sand", "torque without ρ/ρ_s") < 0.9
+    assert saltation.ratio(data, "sand", "rebound 3-B letter by letter") < 0.4
+    assert abs(saltation.lever(data, "sand", "contact without sticking limit")["change"]["height"]["mean"]) < saltation.SAME
+    assert saltation.ratio(data, "gravel", "history") == pytest.approx(1.0, abs=0.05)
+    assert saltation.ratio(data, "gravel", "Magnus") < 0.2
+    assert max(map(abs, saltation.spin_offsets(data, "swamee, clip"))) < 0.1
+    assert max(saltation.spin_offsets(data, "torque without ρ/ρ_s")) < -0.2
+    for name in ("added mass without remainder (Auton)", "drag of Schiller–Naumann"):
+        assert saltation.ratio(data, "sand", name) == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_agrees_with_the_thesis_does(data):
+    along, up = saltation.forces(data)
+    assert along["drag"].max() > 90.0
+    assert along["history"].iloc[0] > 50.0 and along["history"].iloc[-1] < -50.0
+    assert (up["weight"].abs().iloc[5:] > 40.0).all()
+    assert 15.0 < abs(up["drag"].iloc[0]) < 25.0 and 15.0 < up["drag"].iloc[-1] < 25.0 and abs(up["drag"].iloc[20]) < 5.0
+    law, computed = (saltation.magnus_share(data, name) for name in ("prescribed", "yamamoto"))
+    assert law[4.0] < 0.5 * law[1.5]
+    assert max(computed.values()) < 1.1 * min(computed.values())
+    assert saltation.peak(data, saltation.PRESCRIBED) is not None
+    assert {name for name in {r["name"] for r in data["saturation"]} if saltation.peak(data, name) is None} == {
+        "Run A without Magnus",
+        "Run G: spin computed (3-4)",
+    }
+    gammas = {(r["axis"], r["range"]): r for r in data["diffusion"]["exponents"]}
+    assert all(gammas[axis, "local"]["gamma"] > 0.75 for axis in "xy")
+    low, high = gammas["x", "intermediate"]["interval"]
+    assert low < 0.5 < high
+    assert gammas["y", "intermediate"]["interval"][0] > 0.5
+    assert data["heights"]["B"]["creeping"] == data["heights"]["C"]["creeping"] == 1.0
+    assert data["heights"]["A"]["creeping"] < 0.05
+
+
+def test_runs_keep_to_their_end_or_say_why(data):
+    ends = {r["status"] for r in data["memory"]["records"]} | {r["status"] for r in data["campaign"]["runs"]}
+    assert ends <= {"finished", "at rest"}
+    assert all(r["status"] == "finished" for r in data["saturation"])
