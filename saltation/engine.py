@@ -131,7 +131,7 @@ class Engine:
         self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = flight.Limits(scene.run.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
         self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else None
-        self.rates = self.tables.tail.rates if self.tables.tail is not None else np.empty(0)
+        self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
 
     def _finite(self, horizon: float | None) -> flight.Finite:

@@ -247,8 +247,10 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
             break
     status, message = STATUS.get(code, ("failed", "the step's equation did not converge: try a smaller solver.dt"))
     table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))
-    result = Result.of(engine, table, None, status, message)
+    result = Result.of(engine, table, None, status, message, grain.spin)
     if scene.run.trajectory:
         whole = np.concatenate(kept)
-        result._path = path_at(engine, whole[:, 0], whole[:, 1 : 1 + n], whole[:, 1 + n :], result.all_jumps)
+        which = np.cumsum(np.isnan(whole[:, -1])) - 1  # flight of each point: rates are unknown at takeoffs alone
+        spins = np.vstack([table[:, -3:], grain.spin])
+        result._path = path_at(engine, whole[:, 0], whole[:, 1 : 1 + n], whole[:, 1 + n :], spins[which])
     return result

@@ -55,6 +55,7 @@ START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = ra
 COLUMNS = (
     "start", "x", "y", "z", "u", "v", "w", "duration", "length", "drift", "rise", "turned",
     "u_in", "v_in", "w_in", "normal_speed", "tilt", "clipped", "impulse_x", "impulse_y", "impulse_z", "contacts",
+    "spin_x", "spin_y", "spin_z",
 )  # fmt: skip
 
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
@@ -712,7 +713,7 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
     else:
         ox, oy, oz = s[6], s[7], s[8]
     duration = numbers[TIME] - flight[START]
-    u_in, v_in, w_in = u, v, w
+    u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
     jx, jy, jz, tilt, clipped, normal_speed, contacts = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(MOST_CONTACTS):
         draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
@@ -735,6 +736,7 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
     row[8], row[9], row[10], row[11] = x - flight[X], y - flight[Y], flight[TOP] - flight[Z], turned
     row[12], row[13], row[14], row[15] = u_in, v_in, w_in, normal_speed
     row[16], row[17], row[18], row[19], row[20], row[21] = tilt, clipped, jx, jy, jz, contacts
+    row[22], row[23], row[24] = before
     flight[DONE] += 1.0
     flight[TAKEN] += 1.0
     # the state and the memory after the impact

@@ -22,7 +22,7 @@ from basset import __version__
 from basset.kernels import Floats
 from saltation import flight, regressions, statistics
 from saltation.effects import EFFECTS
-from saltation.engine import Engine, Grain
+from saltation.engine import Engine
 from saltation.scene import scene_of
 
 UNITS = {  # of the table of jumps
@@ -112,12 +112,14 @@ class Result:
     _path: xr.Dataset | None = None
     _engine: Engine | None = None
     _record: flight.Record | None = None
+    _spins: Floats | None = None
 
     @classmethod
-    def of(cls, engine: Engine, rows: Floats, record: flight.Record | None, status: str, message: str) -> Result:
-        """From what the flights recorded."""
+    def of(cls, engine: Engine, rows: Floats, record: flight.Record | None, status: str, message: str, spin: Floats) -> Result:
+        """From what the flights recorded; `spin` (3,) is that of a last flight without impact."""
+        spins = np.vstack([rows[:, -3:], spin])  # at the end of every flight
         jumps = table_of(rows, engine.numbers.stokes(1.0))
-        return cls(engine.scene, jumps, status, message, provenance(engine, jumps), None, engine, record)
+        return cls(engine.scene, jumps, status, message, provenance(engine, jumps), None, engine, record, spins)
 
     @property
     def jumps(self) -> pd.DataFrame:
@@ -141,9 +143,9 @@ class Result:
         """
         if self._path is not None:
             return self._path
-        if self._record is None or self._engine is None:
+        if self._record is None or self._engine is None or self._spins is None:
             raise ValueError("trajectory was not kept: set run.trajectory = true")
-        return path_of(self._engine, self._record, self.all_jumps)
+        return path_of(self._engine, self._record, self._spins)
 
     def budget(self, phases: int = 40) -> pd.DataFrame:
         """Mean forces over the phase of the jump, thesis figs 3-14 to 3-16: one row per phase (0 takeoff, 1 impact).
@@ -266,11 +268,13 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     return Result(scene, jumps, whole.attrs["status"], whole.attrs["message"], json.loads(whole.attrs["provenance"]), kept)
 
 
-def path_of(engine: Engine, record: flight.Record, jumps: pd.DataFrame) -> xr.Dataset:
+def path_of(engine: Engine, record: flight.Record, spins: Floats) -> xr.Dataset:
     """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut."""
     tables = engine.tables
     count = tables.count
-    record = flight.Record(*(array[record.share > 0.0] for array in record))  # a rebound may leave no flight at all
+    flown = record.share > 0.0  # a rebound may leave no flight at all
+    which = np.cumsum(np.append(0, record.share[:-1] < 1.0))[flown]  # flight of each step
+    record = flight.Record(*(array[flown] for array in record))
     singular = record.kind == 1.0
     takeoff = np.zeros(len(record.start), dtype=bool)
     takeoff[0] = True
@@ -292,13 +296,15 @@ def path_of(engine: Engine, record: flight.Record, jumps: pd.DataFrame) -> xr.Da
     times = record.start[:, None] + record.size[:, None] * theta
     wanted = np.ones(theta.shape, dtype=bool)
     wanted[:, 0] = takeoff
-    return path_at(engine, times[wanted], states[wanted], rates[wanted], jumps)
+    return path_at(engine, times[wanted], states[wanted], rates[wanted], spins[np.broadcast_to(which[:, None], wanted.shape)[wanted]])
 
 
-def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, jumps: pd.DataFrame) -> xr.Dataset:
-    """The path from times (points,), states and their rates (points, states); rates NaN where unknown."""
+def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins: Floats) -> xr.Dataset:
+    """The path from times (points,), states and their rates (points, states), rates NaN where unknown; `spins` (points, 3) where they are no states."""
     d = engine.dimensions
-    spins = _spins(engine, times, states, jumps)
+    if engine.turning is not None:
+        spins = np.zeros((len(times), 3))
+        spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d :]
     stream = np.array([engine.scene.profile.both(z)[0] for z in states[:, d - 1]])
     shear = np.array([engine.scene.profile.both(z)[1] for z in states[:, d - 1]])
     slip = np.zeros((len(times), 3))
@@ -332,24 +338,6 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, jumps:
     numbers = engine.numbers
     coordinate = ("time", times, {"units": "d/u*", "long_name": "time"})
     return xr.Dataset(data, coords={"time": coordinate}, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})
-
-
-def _spins(engine: Engine, times: Floats, states: Floats, jumps: pd.DataFrame) -> Floats:
-    """Spin (points, 3) along the path; where contacts alone change it only its y component is known, from the jumps' means."""
-    d, result = engine.dimensions, np.zeros((len(times), 3))
-    if engine.turning is not None:
-        if d == 2:
-            result[:, 1] = states[:, 4]
-        else:
-            result[:] = states[:, 6:9]
-    elif engine.prescribed is not None:
-        result[:, 1] = engine.prescribed
-    elif len(jumps):
-        which = np.clip(np.searchsorted(jumps["start"].to_numpy(), times, side="right") - 1, 0, len(jumps) - 1)
-        result[:, 1] = jumps["spin"].to_numpy()[which]
-    else:
-        result[:] = Grain(engine).spin
-    return result
 
 
 def budget_of(result: Result, phases: int) -> pd.DataFrame:

@@ -76,7 +76,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
     if code == flight.REST and abs(grain.flight[flight.U]) > SLIDING:
         status, message = "creeping", "the grain slides along the bed: impacts follow each other without flight"
     path = flight.Record(*(np.concatenate(parts) for parts in zip(*kept, strict=True))) if kept else None
-    return Result.of(engine, np.concatenate(rows), path, status, message)
+    return Result.of(engine, np.concatenate(rows), path, status, message, grain.spin)
 
 
 def empty_record(steps: int, stages: int, states: int) -> flight.Record:

@@ -419,7 +419,6 @@ def test_the_engine_is_not_needed_afterwards(sand):
     assert isinstance(sand._engine, Engine)
 
 
-@pytest.mark.xfail(strict=True, reason="spins that are no states are known from the table of jumps alone: ω_y, of flights that have ended")
 class TestSpinsWithoutRotation:
     """Contacts alone turn the grain: what it turns with is on the path, and the forces on it are those that were felt."""
 
