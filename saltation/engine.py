@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from saltation.flow import Still, both, tabulated
 
 SPAN = 16.0  # d/V: the longest step
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
+FLOOR_OF_ENCOUNTERS = 1e-7  # d/V: two contacts may follow each other more closely than a grain's takeoff and impact
 RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
 DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # the local estimate of a regular step is so much too careful: measured, see tests/saltation/test_convergence.py
@@ -45,7 +46,7 @@ class Tables:
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
         self.rise = np.ascontiguousarray(found.regular._integrals)
         terms = len(tail) if tail else 0
-        rungs = math.ceil(_march.LADDER * math.log2(SPAN / FLOOR)) + 2
+        rungs = math.ceil(_march.LADDER * math.log2(SPAN / floor)) + 2
         shapes: list[tuple[int, ...]] = [(2,), (2, stages, terms), (terms,), (2, stages, terms), (2, stages, stages), (stages,)]
         shapes += [(stages, terms), (stages, stages), (stages,)]
         self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
@@ -62,11 +63,11 @@ class Tables:
 
 
 @lru_cache(maxsize=16)
-def tables_of(stages: int, rtol: float, horizon: float | None) -> Tables:
+def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR) -> Tables:
     """Shared tables; horizon None: no memory."""
     if horizon is None:
-        return Tables(stages, None)
-    near = max(FLOOR * stages_of(stages).c[0], horizon / RANGE)
+        return Tables(stages, None, floor)
+    near = max(floor * stages_of(stages).c[0], horizon / RANGE)
     while True:
         try:
             return Tables(stages, ExponentialSum.fit(near, horizon, rtol), near / stages_of(stages).c[0])
@@ -122,7 +123,7 @@ class Engine:
         far = horizon
         if self.members and scene.options("history").kernel != "basset" and horizon is not None:
             far = 10.0 * horizon  # for the weights that follow the slip, see basset.spectrum
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far)
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR)
         end = math.inf if scene.run.duration is None else scene.run.duration / numbers.time
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
@@ -164,48 +165,68 @@ class Engine:
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
         return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
+    def memory(self, before: Any = None, when: Any = None) -> flight.Memory:
+        """What the memory does at contacts; `before` and `when` for a memory of so many jumps."""
+        rebound = ("impulse", "restart", "reset", "none").index(self.scene.options("history").rebound) if self.members else 0
+        return flight.Memory(rebound, self.rates, self.horizon, before, when, self.finite)
+
+    def first(self) -> Start:
+        """The scene's first takeoff."""
+        start, numbers = self.scene.start, self.numbers
+        height = self.contact_height if start.height is None else start.height / numbers.diameter
+        velocity = (2.0, 0.0, 2.0) if start.velocity is None else tuple(value / numbers.velocity for value in start.velocity)
+        spin = (0.0, 2.0, 0.0) if self.scene.turns and start.velocity is None else (0.0, 0.0, 0.0)
+        if start.spin is not None:
+            spin = tuple(value * numbers.time for value in start.spin)
+        if self.prescribed is not None:
+            spin = (0.0, self.prescribed, 0.0)
+        return Start((0.0, 0.0, height), velocity, spin)
+
+    def state_of(self, start: Start) -> Floats:
+        """The states of a grain that sets out so."""
+        d, (x, across, z), (u, v, w) = self.dimensions, start.position, start.velocity
+        slip = u - both(self.profile, z)[0]
+        states = [x, z, slip, w] if d == 2 else [x, across, z, slip, v, w]
+        if self.turning is not None:
+            states += [start.spin[1]] if d == 2 else list(start.spin)
+        return np.array(states, dtype=np.float64)
+
     @property
     def contact_height(self) -> float:
         """Height of a centre in contact with an untilted bed, d."""
         return 0.5 if self.bed is not None and self.scene.bed.roughness == "flat" else 0.75
 
 
+class Start(NamedTuple):
+    """How a grain sets out: position (d), velocity (V), spin (V/d)."""
+
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    spin: tuple[float, float, float]
+
+
 class Grain:
     """One grain under way: its state, memory and account, as plain arrays."""
 
-    def __init__(self, engine: Engine, grain: int = 0) -> None:
+    def __init__(self, engine: Engine, grain: int = 0, start: Start | None = None) -> None:
         self.engine = engine
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
-        scene, numbers = engine.scene, engine.numbers
-        start = scene.start
-        height = engine.contact_height if start.height is None else start.height / numbers.diameter
-        u, v, w = (2.0, 0.0, 2.0) if start.velocity is None else (value / numbers.velocity for value in start.velocity)
-        default = (0.0, 2.0, 0.0) if scene.turns and engine.prescribed is None and start.velocity is None else (0.0, 0.0, 0.0)
-        spin = default if start.spin is None else tuple(value * numbers.time for value in start.spin)
-        if engine.prescribed is not None:
-            spin = (0.0, engine.prescribed, 0.0)
-        stream = both(engine.profile, height)[0]
-        y = np.zeros(n)
-        y[d - 1] = height
-        y[d], y[2 * d - 1] = u - stream, w
-        if d == 3:
-            y[4] = v
-        if engine.turning is not None:
-            y[2 * d :] = spin[1] if d == 2 else spin
+        first = engine.first() if start is None else start
+        y = engine.state_of(first)
         places = np.zeros(13)
         places[_march.STEP] = places[_march.FIRST] = DEFAULT_FIRST
         places[_march.SINGULAR] = float(members > 0)
         jump = y[d : d + members].copy()
         self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
-        self.spin = np.array(spin, dtype=np.float64)
+        self.spin = np.array(first.spin, dtype=np.float64)
         self.flight = np.zeros(14)
-        self.flight[[flight.Z, flight.TOP]] = height
-        self.flight[[flight.U, flight.V, flight.W]] = u, v, w
-        options = scene.options("history") if members else None
+        self.flight[[flight.X, flight.Y, flight.Z]] = first.position
+        self.flight[flight.TOP] = first.position[2]
+        self.flight[[flight.U, flight.V, flight.W]] = first.velocity
+        options = engine.scene.options("history") if members else None
         kept = None if options is None else options.window_jumps
         before, when = (None, None) if kept is None else (np.zeros((kept, members, terms)), np.zeros(kept))
-        rebound = 0 if options is None else ("impulse", "restart", "reset", "none").index(options.rebound)
-        self.memory = flight.Memory(rebound, engine.rates, engine.horizon, before, when, engine.finite)
+        self.memory = engine.memory(before, when)
         self.bed = engine.bed._replace(grain=grain) if engine.bed is not None else None
         stages = engine.tables.count
         self.work = room(stages, n, members)

@@ -224,6 +224,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
             kept.append(path[:done].copy())
         if code == IMPACT:
             grain.flight[flight.DONE] = 0.0
+            state.jump[:] = 0.0  # the stream has taken it up
             code = strike(engine.model, grain.bed, memory, engine.problem, state, grain.spin, grain.flight, grain.work, engine.limits, jumps, engine.prescribed)
             rows.append(jumps.copy())
             after = rate()

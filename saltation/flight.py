@@ -637,6 +637,23 @@ def cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values):
 
 
 @shared
+def cut_step(problem, nodes, memory, cut, state, theta, values, work):
+    """Take the step that was found up to θ: state, memory and time."""
+    numbers, y = state.numbers, state.y
+    h, kind = numbers[STEP], int(numbers[SINGULAR])
+    for a in range(len(y)):
+        work.here[0, a] = at(work.polynomial, y, kind, theta, a)
+    if theta > 0.0:
+        cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values)
+    if kind == 1 and theta > 0.05:
+        numbers[FIRST] = h
+    for a in range(len(y)):
+        y[a] = work.here[0, a]
+    numbers[TIME] += h * theta
+    numbers[STEPS] += 1.0
+
+
+@shared
 def watch(model, polynomial, y, kind, h, theta, flight):
     """Keep the highest point and the turning of the flight up to θ of the step."""
     d = 2 if model.across is None else 3
@@ -697,6 +714,60 @@ def forget(kept, when, rates, state, done):
 
 
 @shared
+def spin_of(model, state, spin):
+    """The spin, three components."""
+    s = state.y
+    if model.turning is None:
+        return spin[0], spin[1], spin[2]
+    if model.across is None:
+        return 0.0, s[4], 0.0
+    return s[6], s[7], s[8]
+
+
+@shared
+def turn(model, state, spin, ox, oy, oz):
+    """Give the grain a new spin."""
+    s = state.y
+    if model.turning is None:
+        spin[0], spin[1], spin[2] = ox, oy, oz
+    elif model.across is None:
+        s[4] = oy
+    else:
+        s[6], s[7], s[8] = ox, oy, oz
+
+
+@shared
+def rebounded(model, memory, problem, state, stream, u, v, w):
+    """Give the grain a new velocity after a contact: the memory makes of the jump what the scene says, and steps start small."""
+    d = 2 if model.across is None else 3
+    s, numbers = state.y, state.numbers
+    if len(problem.where) > 0:
+        if memory.rebound in (RESTART, RESET):
+            past = state.past
+            for a in range(past.shape[0]):
+                for q in range(past.shape[1]):
+                    past[a, q] = 0.0
+            state.jump[0], state.jump[d - 1] = u - stream, w
+            if model.across is not None:
+                state.jump[1] = v
+        else:  # a jump that no step has taken up yet still counts
+            state.jump[0] += u - stream - s[d]
+            state.jump[d - 1] += w - s[2 * d - 1]
+            if model.across is not None:
+                state.jump[1] += v - s[d + 1]
+        if memory.rebound in (RESET, NOTHING):
+            for a in range(len(state.jump)):
+                state.jump[a] = 0.0
+    s[d], s[2 * d - 1] = u - stream, w
+    if model.across is not None:
+        s[d + 1] = v
+    since, size = numbers[TIME] - numbers[JUMPED], numbers[FIRST]
+    numbers[JUMPED] = numbers[TIME]
+    numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
+    numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
+
+
+@shared
 def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed):
     """Strike the bed until the grain moves up; JUMPS when enough are done, REST when it lies still, else ACCEPTED."""
     d = 2 if model.across is None else 3
@@ -706,12 +777,7 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
     stream = both(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
     v = 0.0 if model.across is None else s[d + 1]
-    if model.turning is None:
-        ox, oy, oz = spin[0], spin[1], spin[2]
-    elif model.across is None:
-        ox, oy, oz = 0.0, s[4], 0.0
-    else:
-        ox, oy, oz = s[6], s[7], s[8]
+    ox, oy, oz = spin_of(model, state, spin)
     duration = numbers[TIME] - flight[START]
     u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
     jx, jy, jz, tilt, clipped, normal_speed, contacts = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -742,37 +808,9 @@ def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, 
     # the state and the memory after the impact
     if len(problem.where) > 0:
         forget(memory.before, memory.when, memory.rates, state, int(flight[TAKEN]) - 1)
-        before_x, before_z = s[d], s[2 * d - 1]
-        before_y = 0.0 if model.across is None else s[d + 1]
-        state.jump[0], state.jump[d - 1] = u - stream - before_x, w - before_z
-        if model.across is not None:
-            state.jump[1] = v - before_y
-        if memory.rebound in (RESTART, RESET):
-            past = state.past
-            for a in range(past.shape[0]):
-                for q in range(past.shape[1]):
-                    past[a, q] = 0.0
-            state.jump[0], state.jump[d - 1] = u - stream, w
-            if model.across is not None:
-                state.jump[1] = v
-        if memory.rebound in (RESET, NOTHING):
-            for a in range(len(state.jump)):
-                state.jump[a] = 0.0
-    s[d], s[2 * d - 1] = u - stream, w
-    if model.across is not None:
-        s[d + 1] = v
-    if prescribed is not None:
-        pass  # contacts do not turn it
-    elif model.turning is None:
-        spin[0], spin[1], spin[2] = ox, oy, oz
-    elif model.across is None:
-        s[4] = oy
-    else:
-        s[6], s[7], s[8] = ox, oy, oz
-    numbers[JUMPED] = numbers[TIME]
-    size = numbers[FIRST]
-    numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * duration) if duration > 0.0 else size)
-    numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
+    rebounded(model, memory, problem, state, stream, u, v, w)
+    if prescribed is None:  # contacts do not turn a prescribed spin
+        turn(model, state, spin, ox, oy, oz)
     work.past[0] = 0.0
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
     take_off(model, state, spin, flight, x, y, z, u, v, w)
@@ -838,15 +876,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
                 record.y[done, a] = state.y[a]
                 for k in range(count):
                     record.values[done, k, a] = values[k, a]
-                work.here[0, a] = at(work.polynomial, state.y, kind, theta, a)
-            if theta > 0.0:
-                cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values)
-            if kind == 1 and theta > 0.05:
-                numbers[FIRST] = h
-            for a in range(len(state.y)):
-                state.y[a] = work.here[0, a]
-            numbers[TIME] += h * theta
-            numbers[STEPS] += 1.0
+            cut_step(problem, nodes, memory, cut, state, theta, values, work)
             if recording:
                 done += 1
             code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)

@@ -26,6 +26,7 @@ from saltation.presets import PRESETS
 
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
 FINEST = 1e-13  # relative error of sums of exponentials
+NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
 
 
@@ -143,6 +144,17 @@ class Solver(Table):
         return self
 
 
+class Cloud(Table):
+    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
+
+    number: int = Field(ge=1, le=10**7, description="number of grains")
+    concentration: float = Field(gt=0.0, le=0.3, description="C_p: volume of the grains over the volume that their first centres span")
+    layer: float | None = Field(None, gt=0.0, description="height of that volume, m; default two diameters")
+    boundary: Literal["periodic", "open"] = Field("periodic", description="of the area over which they set out, for encounters")
+    spread: float = Field(0.1, ge=0.0, description="standard deviation of the first velocities' components about start.velocity, in units of u*")
+    interval: float = Field(0.1, gt=0.0, description="between two kept positions, in units of d/u*")
+
+
 class Run(Table):
     """How long, and which random numbers."""
 
@@ -191,6 +203,7 @@ class Basis(Table):
     start: Start = Field(Start(), description="a table: the first takeoff")
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
     run: Run = Field(description="a table: how long, and which random numbers")
+    cloud: Cloud | None = Field(None, description="a table: many grains instead of one")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -264,7 +277,33 @@ class Basis(Table):
         if "history" in names:
             self._check_history()
         self._check_numbers()
+        if "encounters" in names and self.cloud is None:
+            raise ValueError("effects: 'encounters' needs more than one grain: add a [cloud] table with number and concentration")
+        if self.cloud is not None:
+            self._check_cloud(self.cloud)
         return self
+
+    def _check_cloud(self, cloud: Cloud) -> None:
+        """Many grains fly for a time, at steps of their own."""
+        if self.run.duration is None:
+            raise ValueError("cloud: many grains fly for a time: give run.duration (s) instead of run.jumps")
+        if self.solver.method != "collocation":
+            raise ValueError(f"cloud: every grain chooses its own steps: take solver.method = 'collocation', not {self.solver.method!r}")
+        if "history" in self.names and self.options("history").window_jumps is not None:
+            raise ValueError("cloud: history.window_jumps is for a single grain: leave it out")
+        if "encounters" in self.names and cloud.boundary == "periodic" and self.box[0] < NARROWEST:
+            raise ValueError(
+                f"cloud.number = {cloud.number} at this concentration makes a periodic box {self.box[0]:.3g} d long, "
+                f"and it must be {NARROWEST:g} d or longer: more grains, a lower cloud.concentration or a thinner cloud.layer"
+            )
+
+    @property
+    def box(self) -> tuple[float, float, float]:
+        """Length, width and height in d of the volume from which a cloud sets out; a square in plan, one d wide in two dimensions."""
+        assert self.cloud is not None
+        height = 2.0 if self.cloud.layer is None else self.cloud.layer / self.grain.diameter
+        area = self.cloud.number * math.pi / 6.0 / (self.cloud.concentration * height)
+        return (area, 1.0, height) if self.in_plane else (math.sqrt(area), math.sqrt(area), height)
 
     def _check_numbers(self) -> None:
         """What has no numbers or no stream is refused here, with the scene."""
