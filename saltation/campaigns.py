@@ -9,7 +9,6 @@ import math
 import multiprocessing
 import os
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -23,6 +22,7 @@ import pandas as pd
 from basset import __version__, _validate
 from basset._compile import digest_of
 from saltation import regressions, statistics
+from saltation._files import write
 from saltation.grain import GRAVITY
 from saltation.scene import Scene, read, scene_of, shipped
 from saltation.simulation import run
@@ -290,25 +290,6 @@ class Store:
         """Keep a row; floats are written so that they come back bit for bit."""
         content = {"scene": json.loads(text_of(scene)), "row": row, "check": _hash(key, json.dumps(row))}
         write(self.path / f"{key}.json", json.dumps(content, indent=1) + "\n")
-
-
-def write(path: Path, text: str) -> None:
-    """Write a text file whole or not at all: to a temporary file beside it that is then renamed.
-
-    Raises
-    ------
-    OSError
-        If the folder does not exist or cannot be written; nothing is left behind.
-    """
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 # The thesis

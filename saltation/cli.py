@@ -27,6 +27,7 @@ from rich.table import Table
 import saltation
 from basset import __version__, _validate
 from saltation import campaigns, checks, statistics
+from saltation._files import write
 from saltation.result import UNITS, Result
 from saltation.scene import Scene, SceneError, read, scene_of, shipped
 
@@ -143,24 +144,32 @@ SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE
 
 @main.command("run")
 @click.argument("scene")
-@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes (netCDF).")
-@click.option("--force", is_flag=True, help="Overwrite the output.")
+@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes: a netCDF file, for many grains a folder.")
+@click.option("--force", is_flag=True, help="Overwrite the output; for many grains: start anew.")
 @SET
 @click.option("--quiet", is_flag=True, help="Print nothing but mistakes and failures.")
 def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], quiet: bool) -> None:
-    """Simulate SCENE, a TOML file or the name of a shipped scene."""
+    """Simulate SCENE, a TOML file or the name of a shipped scene.
+
+    A run of many grains (a scene with a [cloud]) with --output is written as it goes: stopped in any way, the same command goes
+    on from there.
+    """
     made = scene_of(changed(read(scene), changes))
-    if output is not None:
+    folder = output if made.cloud is not None else None
+    if folder is not None:
+        check_folder(folder, force)
+    elif output is not None:
         check_output(output, force)
-    with progress("flying", TimeElapsedColumn()) if not quiet else contextlib.nullcontext() as report:
-        result = saltation.run(made, report)
+    with stoppable(folder), progress("flying", TimeElapsedColumn()) if not quiet else contextlib.nullcontext() as report, mistakes_of_files("--output"):
+        result = saltation.run(made, report, folder)
     if not quiet:
-        print_result(result)
+        (print_result if made.cloud is None else print_cloud)(result)
     elif result.status != "finished":
         click.echo(f"{result.status}: {result.message}", err=True)
     if output is not None:
-        with mistakes_of_files("--output"):
-            result.save(output)
+        if folder is None:
+            with mistakes_of_files("--output"):
+                result.save(output)
         if not quiet:
             click.echo(f"written: {output}")
     if result.status == "failed":
@@ -234,19 +243,11 @@ def campaign(
         raise Mistake(f"--output must be a folder, got the file {str(output)!r}")
     measured = read_reference(reference) if reference is not None else None
     runs, models = planned(what, changes, varied)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
-            columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
-            with progress("campaign", *columns, total=len(runs)) as report:
-                table = campaigns.campaign(runs, executor, progress=report, store=output / "store")
-            campaigns.write(output / "table.csv", table.to_csv(index=False))
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only cut off the sentence
-        click.echo(f"stopped: what is finished is kept in {str(output)!r}, the same command goes on from there", err=True)
-        sys.exit(130)
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with stoppable(output), executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
+        columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
+        with progress("campaign", *columns, total=len(runs)) as report:
+            table = campaigns.campaign(runs, executor, progress=report, store=output / "store")
+        write(output / "table.csv", table.to_csv(index=False))
     out = console()
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     out.print(f"{len(table)} scenes: {counts}")
@@ -257,7 +258,7 @@ def campaign(
             ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
         except ValueError as error:
             raise Mistake(f"written: {output / 'table.csv'}; no ranking: {error}") from None
-        campaigns.write(output / "ranking.csv", ranking.to_csv(index=False))
+        write(output / "ranking.csv", ranking.to_csv(index=False))
         print_ranking(out, ranking)
     out.print(f"written: {output}")
 
@@ -307,6 +308,32 @@ def mistakes_of_files(option: str) -> Iterator[None]:
         raise Mistake(f"{option}: {str(error.filename or '')!r} cannot be used: {error.strerror or error}") from None
 
 
+@contextlib.contextmanager
+def stoppable(output: Path | None) -> Iterator[None]:
+    """SIGTERM and an interrupt end the command with a sentence: what is finished is kept in `output`."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only cut off the sentence
+        kept = f"what is finished is kept in {str(output)!r}, the same command goes on from there" if output is not None else "nothing is kept"
+        click.echo(f"stopped: {kept}", err=True)
+        sys.exit(130)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def check_folder(path: Path, force: bool) -> None:
+    """Refuse before anything is computed; --force takes away an earlier run."""
+    if path.exists() and not path.is_dir():
+        raise Mistake(f"--output must be a folder for a scene with a [cloud], got the file {str(path)!r}")
+    if not path.parent.is_dir():
+        raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
+    if force and (path / "run.json").exists():
+        for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):
+            file.unlink(missing_ok=True)
+
+
 def check_output(path: Path, force: bool) -> None:
     """Refuse before anything is computed."""
     if path.is_dir():
@@ -317,8 +344,8 @@ def check_output(path: Path, force: bool) -> None:
         raise Mistake(f"--output: {str(path)!r} exists already; --force overwrites it")
 
 
-def open_result(path: Path) -> Result:
-    """A result from a file."""
+def open_result(path: Path) -> Any:
+    """A result from a file or a folder."""
     try:
         return saltation.open(path)
     except (TypeError, ValueError, KeyError):
@@ -413,13 +440,7 @@ def print_result(result: Result) -> None:
     out = console()
     out.print(f"{result.status}: {result.message}; {len(result.jumps)} jumps count")
     if len(result.jumps):
-        table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
-        for column in range(1, 4):
-            table.columns[column].justify = "right"
-        for name, row in result.summary().iterrows():
-            values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
-            table.add_row(str(name), *values, UNITS[str(name)][0])
-        out.print(table)
+        print_summary(out, result.summary())
     if result.scene.numbers.stage is not None and len(result.jumps):
         load = result.bed_load()
         out.print(
@@ -432,6 +453,32 @@ def print_result(result: Result) -> None:
         out.print(f"impacts: {known['clipped']:.0%} clipped at 30°, {known['creeping']:.0%} creeping, Stokes number {low:.3g} to {high:.3g}")
     for text in known["outside_validity"]:
         out.print(f"warning: {text}")
+
+
+def print_cloud(result: Any) -> None:
+    """Summary of many grains, and how often they meet."""
+    out = console()
+    cloud = result.scene.cloud
+    out.print(f"{result.status}: {result.message}; {cloud.number} grains, {result.time:.4g} d/u*, {len(result.jumps)} jumps count")
+    if len(result.jumps):
+        print_summary(out, result.summary())
+    often = result.frequencies()
+    out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per d/u*, ratio {often['ratio']:.3g}")
+    for fate, number in result.fates["fate"].value_counts().items():
+        out.print(f"{number} grains ended {fate}")
+    for text in result.provenance["outside_validity"]:
+        out.print(f"warning: {text}")
+
+
+def print_summary(out: Console, summary: pd.DataFrame) -> None:
+    """Mean, standard error and standard deviation, one line per quantity."""
+    table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
+    for column in range(1, 4):
+        table.columns[column].justify = "right"
+    for name, row in summary.iterrows():
+        values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
+        table.add_row(str(name), *values, UNITS[str(name)][0])
+    out.print(table)
 
 
 def print_means(out: Console, table: pd.DataFrame) -> None:

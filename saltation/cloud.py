@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
+import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from scipy.spatial import cKDTree
 
+from basset import __version__
+from basset._compile import digest_of
 from basset.kernels import Floats
 from basset.solvers import _march
 from saltation import encounters, flight
+from saltation._files import replacing, write
+from saltation.cloud_result import CloudResult, encounter_table, open_folder, ordered, path_dataset, tables_to_dataset
 from saltation.encounters import PILE_UP, UNTIL, empty_crowd
 from saltation.engine import DEFAULT_FIRST, Engine, Start, room
 from saltation.flow import both
+from saltation.result import origin, table_of
 from saltation.scene import SceneError
+from saltation.simulation import SLIDING, STATUS
 
 SMALLEST_CELL = 2.0  # d
 ROUNDS = 2000  # of placing grains that would overlap anew
@@ -127,3 +139,184 @@ class Cloud:
         return float(y[d] + both(self.engine.profile, y[d - 1])[0])
 
 
+PART = 2**19  # kept positions in a part of a run: 25 MB
+SLICE = 4096  # grain times interval between two looks at the clock
+MESSAGES = STATUS | {
+    UNTIL: ("finished", "the time is over"),
+    PILE_UP: ("pile-up", "a grain had more than encounters.pile_up encounters within one d/u*"),
+}
+
+
+class Part:
+    """What one stretch of a run leaves."""
+
+    def __init__(self, engine: Engine, first: int, count: int) -> None:
+        self.engine, self.first = engine, first
+        scene = engine.scene
+        self.interval = scene.cloud.interval
+        shape = (count if scene.run.trajectory else 0, scene.cloud.number, 2 * engine.dimensions)
+        self.samples = encounters.Samples(self.interval, np.array([first]), np.full(shape, np.nan))
+        self.owners: list[Floats] = []
+        self.jumps: list[Floats] = []
+        self.met: list[Floats] = []
+
+    def empty(self, logs: encounters.Logs) -> None:
+        """Take what is in the logs."""
+        jumps, met = logs.count[:2]
+        self.owners.append(logs.owners[:jumps].copy())
+        self.jumps.append(logs.jumps[:jumps].copy())
+        self.met.append(logs.encounters[:met].copy())
+        logs.count[:2] = 0
+
+    def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Jumps and encounters."""
+        jumps = table_of(np.concatenate(self.jumps), self.engine.numbers.stokes(1.0))
+        jumps.insert(0, "grain", np.concatenate(self.owners))
+        return jumps, encounter_table(np.concatenate(self.met))
+
+    def path(self, until: float) -> Any:
+        """Kept positions up to a time; None if none are kept."""
+        if not len(self.samples.values):
+            return None
+        times = (self.first + np.arange(len(self.samples.values))) * self.interval
+        numbers = self.engine.numbers
+        done = times <= until * (1.0 + 1e-12)
+        return path_dataset(times[done], self.samples.values[done], {"diameter": numbers.diameter, "velocity": numbers.velocity})
+
+    def dataset(self, until: float) -> Any:
+        """All of it."""
+        whole, path = tables_to_dataset(*self.tables()), self.path(until)
+        return whole if path is None else whole.merge(path, combine_attrs="override")
+
+
+class Folder:
+    """The folder of a long run: numbered parts, a checkpoint after each, and run.json with how far it has come.
+
+    Every file is renamed into place when it is whole, the checkpoint after its part and run.json last: killed at any time,
+    the run goes on from the last checkpoint and writes the same bits.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], scene: Any) -> None:
+        self.path, self.scene = Path(path), scene
+        text = scene.model_dump_json(exclude_none=True)
+        self.key = hashlib.sha256("\n".join((__version__, digest_of("saltation"), text)).encode()).hexdigest()
+        self.path.mkdir(parents=True, exist_ok=True)
+        for stray in self.path.glob(".*.nc.*"):  # of a run that was killed while it wrote
+            stray.unlink(missing_ok=True)
+        if self.told() is None and any(self.path.iterdir()):
+            raise SceneError(f"--output {str(self.path)!r} holds something else: give an empty or a new folder")
+
+    def told(self) -> dict[str, Any] | None:
+        """What run.json says; None if there is none."""
+        try:
+            told: dict[str, Any] = json.loads((self.path / "run.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        if told.get("key") != self.key:
+            raise SceneError(f"--output {str(self.path)!r} holds the run of another scene or version: give a new folder")
+        return told
+
+    def tell(self, parts: int, time: float, status: str, message: str, fates: list[Any], known: dict[str, Any]) -> None:
+        """Write run.json."""
+        told = {"key": self.key, "status": status, "message": message, "parts": parts, "time": time, "fates": fates, "provenance": known}
+        write(self.path / "run.json", json.dumps(told | {"scene": json.loads(self.scene.model_dump_json(exclude_none=True))}, indent=1) + "\n")
+
+    def put(self, number: int, dataset: Any) -> None:
+        """Write a part."""
+        with replacing(self.path / f"part-{number:05d}.nc") as name:
+            dataset.to_netcdf(name, engine="scipy")
+
+    def keep(self, cloud: Cloud, part: int, fates: list[Any]) -> None:
+        """Write a checkpoint: the next part and all that is needed to fly it."""
+        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "part": np.array(part), "fates": np.array(json.dumps(fates))}
+        with replacing(self.path / "checkpoint.npz") as name, open(name, "wb") as file:
+            np.savez(file, **arrays)
+
+    def recall(self, cloud: Cloud) -> tuple[int, list[Any]]:
+        """Put a cloud back to the last checkpoint: (next part, fates); (0, []) if there is none."""
+        file = self.path / "checkpoint.npz"
+        if not file.exists():
+            return 0, []
+        with np.load(file) as kept:
+            for name, array in cloud.crowd._asdict().items():
+                array[:] = kept[name]
+            cloud.heads[:], cloud.logs.count[:] = kept["heads"], kept["count"]
+            return int(kept["part"]), list(json.loads(str(kept["fates"])))
+
+
+STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
+
+
+def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
+    """Fly one stretch; (code, time reached, grain that stopped it)."""
+    slices = max(1, math.ceil((end - begin) * len(cloud.crowd.clock) / (SLICE * part.interval)))
+    code, grain, clock = UNTIL, 0, begin
+    for k in range(1, slices + 1):
+        until = end if k == slices else begin + k * (end - begin) / slices
+        for code, grain in cloud.advance(until, part.samples):
+            part.empty(cloud.logs)
+            if code in (flight.REST, flight.ALOFT):
+                slides = abs(cloud.speed_of(grain)) > SLIDING
+                fate = "aloft" if code == flight.ALOFT else "creeping" if slides else "at rest"
+                fates.append([grain, float(cloud.crowd.numbers[grain, _march.TIME]), fate])
+        if code != UNTIL:
+            return code, clock, grain
+        clock = until
+        progress(until)
+    return code, clock, grain
+
+
+def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None) -> CloudResult:
+    """Simulate many grains; as `saltation.run`."""
+    engine = Engine(scene)
+    cloud = Cloud(engine)
+    end, interval = scene.run.duration / engine.numbers.time, scene.cloud.interval
+    count = max(1, PART // scene.cloud.number)  # samples of a part
+    every = math.floor(end / interval * (1.0 + 1e-12)) + 1
+    stretch = count * interval
+    last = max(1, math.ceil(end / stretch * (1.0 - 1e-12)))
+    known = origin(engine)
+    if cloud.world is not None:
+        known["encounters"] = scene.options("encounters").model_dump()
+        known["box"] = scene.box
+    folder = Folder(output, scene) if output is not None else None
+    fates: list[Any] = []
+    begin = 0
+    if folder is not None:
+        if (told := folder.told()) is not None and told["status"] != STOPPED[0]:
+            return open_folder(folder.path)
+        begin, fates = folder.recall(cloud)
+        folder.tell(begin, min(end, begin * stretch), *STOPPED, fates, known)
+
+    def report(time: float) -> None:
+        if progress is not None:
+            progress(min(1.0, time / end))
+
+    parts: list[Part] = []
+    reached, status, message = 0.0, *MESSAGES[UNTIL]
+    for k in range(begin, last):
+        part = Part(engine, k * count, max(0, min(count, every - k * count)))
+        code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), fates, report)
+        if cloud.world is not None:
+            known["unresolved_steps"] = int(cloud.logs.count[3])
+        status, message = MESSAGES[code]
+        if code != UNTIL:
+            message = f"grain {grain}: {message}"
+        if folder is None:
+            parts.append(part)
+        else:
+            folder.put(k, part.dataset(reached))
+            folder.keep(cloud, k + 1, fates)
+            over = k + 1 == last or code != UNTIL
+            folder.tell(k + 1, reached, *((status, message) if over else STOPPED), fates, known)
+        if code != UNTIL:
+            break
+    if folder is not None:
+        return open_folder(folder.path)
+    tables = [part.tables() for part in parts]
+    jumps = ordered(pd.concat([own for own, _ in tables], ignore_index=True))
+    met = pd.concat([met for _, met in tables], ignore_index=True)
+    paths = [path for part in parts if (path := part.path(reached)) is not None]
+    path = xr.concat(paths, "time", data_vars="all") if paths else None
+    left = pd.DataFrame(fates, columns=["grain", "time", "fate"])
+    return CloudResult(scene, jumps, met, left, status, message, known, reached, path)

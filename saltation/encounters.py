@@ -193,8 +193,8 @@ def leave_cell(crowd, heads, grain):
 @shared
 def enter_cell(world, crowd, heads, grain):
     """Put a grain into the cell over the middle of its path; open worlds are folded, which only adds candidates."""
-    column = int(math.floor(crowd.path[grain, X] / world.cell_x)) % world.along
-    row = int(math.floor(crowd.path[grain, Y] / world.cell_y)) % world.across
+    column = math.floor(crowd.path[grain, X] / world.cell_x) % world.along
+    row = math.floor(crowd.path[grain, Y] / world.cell_y) % world.across
     cell = column * world.across + row
     if cell != crowd.cell[grain]:
         leave_cell(crowd, heads, grain)
@@ -395,9 +395,9 @@ def seek(parts, world, crowd, heads, i, now, work, other):
     path = crowd.path
     mine = path[i]
     start, best, chosen = max(now, mine[BEGIN]), mine[END], -1
-    column, row = int(math.floor(mine[X] / world.cell_x)), int(math.floor(mine[Y] / world.cell_y))
+    column, row = math.floor(mine[X] / world.cell_x), math.floor(mine[Y] / world.cell_y)
     reach = 1.0 + REACH + 0.5 * (mine[END] - mine[BEGIN]) * math.sqrt(mine[U] ** 2 + mine[V] ** 2 + mine[W] ** 2) + mine[SPREAD]
-    long, wide = int(math.ceil(reach / world.cell_x)), int(math.ceil(reach / world.cell_y))
+    long, wide = math.ceil(reach / world.cell_x), math.ceil(reach / world.cell_y)
     fitted = False
     for p in range(min(2 * long + 1, world.along)):
         for q in range(min(2 * wide + 1, world.across)):
@@ -519,7 +519,7 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
         write_samples(parts.model, crowd, samples, i, work.polynomial, now)
         flight.watch(parts.model, work.polynomial, state.y, singular, h, 1.0, crowd.flight[i])
         crowd.before[i] = 0.0 if singular == 1 else h
-        _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, int(0))
+        _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i], jacobian, work)
     count = logs.count
@@ -528,10 +528,9 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
     count[0] += 1
     bed = parts.bed
     if bed is not None:
-        own = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, i)
-        return flight.land(
-            parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], crowd.flight[i], room_of(crowd, i, work), parts.limits, logs.jumps, parts.prescribed
-        )  # fmt: skip
+        own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, i), room_of(crowd, i, work)
+        account = crowd.flight[i]
+        return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps, parts.prescribed)
     return ACCEPTED
 
 
@@ -552,7 +551,7 @@ def collide(parts, world, crowd, i, j, time, row, jacobian):
     spin_one, spin_two = flight.spin_of(model, one, crowd.spin[i]), flight.spin_of(model, two, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
-    if 0.0 < closing and restitution * closing < world.slowest:
+    if closing > 0.0 and restitution * closing < world.slowest:
         restitution = world.slowest / closing
     after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, world.friction)
     row[0], row[1], row[2] = time, i, j
@@ -691,7 +690,11 @@ def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int)
         "values": (stages, states), "before": (), "diagonal": (states,), "share": (), "path": (12,),
         "clock": (), "calm": (),
     }  # fmt: skip
-    whole = {name: np.int32 for name in ("partner", "cell", "link", "burst", "heap", "place")} | {"sample": np.int64, "kind": np.int8, "own": np.int8}
+    whole: dict[str, Any] = dict.fromkeys(("partner", "cell", "link", "burst", "heap", "place"), np.int32) | {
+        "sample": np.int64,
+        "kind": np.int8,
+        "own": np.int8,
+    }
     arrays: dict[str, Any] = {name: np.zeros((grains, *shape)) for name, shape in shapes.items()}
     arrays |= {name: np.zeros(grains, dtype=kind) for name, kind in whole.items()}
     for name in ("partner", "cell", "link"):
@@ -699,5 +702,3 @@ def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int)
     arrays["kind"][:] = PLAN
     arrays["heap"][:] = arrays["place"][:] = np.arange(grains)
     return Crowd(**arrays)
-
-

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import platform
-import tempfile
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -21,6 +20,7 @@ from numpy.polynomial import legendre
 from basset import __version__
 from basset.kernels import Floats
 from saltation import flight, regressions, statistics
+from saltation._files import replacing
 from saltation.effects import EFFECTS
 from saltation.engine import Engine
 from saltation.scene import scene_of
@@ -119,7 +119,7 @@ class Result:
         """From what the flights recorded; `spin` (3,) is that of a last flight without impact."""
         spins = np.vstack([rows[:, -3:], spin])  # at the end of every flight
         jumps = table_of(rows, engine.numbers.stokes(1.0))
-        return cls(engine.scene, jumps, status, message, provenance(engine, jumps), None, engine, record, spins)
+        return cls(engine.scene, jumps, status, message, provenance(engine, jumps.iloc[engine.scene.run.discard :]), None, engine, record, spins)
 
     @property
     def jumps(self) -> pd.DataFrame:
@@ -232,26 +232,26 @@ class Result:
         OSError
             If the folder does not exist or cannot be written; nothing is left behind.
         """
-        target = Path(path)
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        os.close(handle)
-        try:
+        with replacing(path) as name:
             self.dataset().to_netcdf(name, engine="scipy")
-            os.chmod(name, 0o644)
-            os.replace(name, target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
 
 
-def open_result(path: str | os.PathLike[str]) -> Result:
-    """A result from a file that `Result.save` wrote.
+def open_result(path: str | os.PathLike[str]) -> Any:
+    """A result from a file that `Result.save` or `CloudResult.save` wrote, or from the folder of a long run, finished or not.
+
+    Returns
+    -------
+    Result or CloudResult
 
     Raises
     ------
     ValueError
-        If the file is not one.
+        If it is not one.
     """
+    from saltation.cloud_result import CloudResult, open_folder
+
+    if Path(path).is_dir():
+        return open_folder(Path(path))
     try:
         with xr.open_dataset(path, engine="scipy") as opened:
             whole = opened.load()
@@ -259,13 +259,20 @@ def open_result(path: str | os.PathLike[str]) -> Result:
         raise ValueError(f"{os.fspath(path)!r} is no saltation result: it is no netCDF 3 file") from None
     if "scene" not in whole.attrs:
         raise ValueError(f"{os.fspath(path)!r} is no saltation result: it has no scene")
-    jumps = pd.DataFrame({str(name).removeprefix("jump_"): whole[name].to_numpy() for name in whole.data_vars if str(name).startswith("jump_")})
+    scene = scene_of(json.loads(whole.attrs["scene"]))
+    if scene.cloud is not None:
+        return CloudResult.of_dataset(scene, whole)
+    jumps = table_in(whole, "jump")
     path_variables = [name for name in whole.data_vars if "time" in whole[name].dims]
     kept = whole[path_variables] if path_variables else None
     if kept is not None:
         kept.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
-    scene = scene_of(json.loads(whole.attrs["scene"]))
     return Result(scene, jumps, whole.attrs["status"], whole.attrs["message"], json.loads(whole.attrs["provenance"]), kept)
+
+
+def table_in(whole: xr.Dataset, name: str) -> pd.DataFrame:
+    """The table whose columns are kept as variables with a prefix."""
+    return pd.DataFrame({str(key).removeprefix(f"{name}_"): whole[key].to_numpy() for key in whole.data_vars if str(key).startswith(f"{name}_")})
 
 
 def path_of(engine: Engine, record: flight.Record, spins: Floats) -> xr.Dataset:
@@ -367,13 +374,25 @@ def budget_of(result: Result, phases: int) -> pd.DataFrame:
     return frame
 
 
-def provenance(engine: Engine, jumps: pd.DataFrame) -> dict[str, Any]:
-    """How a result came about."""
+def provenance(engine: Engine, counted: pd.DataFrame) -> dict[str, Any]:
+    """How a result came about; `counted`: the jumps that count."""
+    return origin(engine) | shares(counted)
+
+
+def shares(counted: pd.DataFrame) -> dict[str, Any]:
+    """Range of St, and shares of the impacts that were clipped or creep."""
+    if not len(counted):
+        return {"stokes": None, "clipped": math.nan, "creeping": math.nan}
+    stokes = counted["stokes"]
+    clipped, creeping = float((counted["clipped"] > 0.0).mean()), float((counted["height"] < CREEP).mean())
+    return {"stokes": [float(stokes.min()), float(stokes.max())], "clipped": clipped, "creeping": creeping}
+
+
+def origin(engine: Engine) -> dict[str, Any]:
+    """What a result says about its scene before anything has moved."""
     scene, numbers = engine.scene, engine.numbers
     bed = scene.bed
     history = scene.options("history") if "history" in scene.names else None
-    counted = jumps.iloc[scene.run.discard :]
-    share = (lambda mask: float(mask.mean())) if len(counted) else (lambda mask: math.nan)
     return {
         "profile": scene.channel.profile if scene.channel else "none",
         "roughness_height": (scene.channel.roughness_height or scene.grain.diameter) if scene.channel else None,
@@ -387,9 +406,6 @@ def provenance(engine: Engine, jumps: pd.DataFrame) -> dict[str, Any]:
         "kernel": history.kernel if history else None,
         "scheme": history.scheme if history else None,
         "solver": scene.solver.model_dump(exclude_none=True),
-        "stokes": [float(counted["stokes"].min()), float(counted["stokes"].max())] if len(counted) else None,
-        "clipped": share(counted["clipped"] > 0.0),
-        "creeping": share(counted["height"] < CREEP),
         "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)],
         "seed": scene.run.seed,
         "versions": {"basset": __version__} | {name: version(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +28,7 @@ STATUS = {
 }
 
 
-def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
+def run(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None) -> Any:
     """Simulate a scene.
 
     Parameters
@@ -36,11 +37,19 @@ def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
         From `saltation.load` or `saltation.Scene.model_validate`.
     progress : callable or None
         Called with the share that is done, 0 to 1.
+    output : path, optional
+        For a [cloud] only: a folder, made if missing, to which the run writes numbered parts as it goes, so that its memory does
+        not grow. Stopped in any way, the same call goes on from the last part and comes to the same bits.
 
     Returns
     -------
-    Result
+    Result, or CloudResult for a scene with a [cloud]
         With a status: finished, at rest, creeping, aloft, horizon or failed, and all that was done up to there.
+
+    Raises
+    ------
+    ValueError
+        For an output without a [cloud]; SceneError for an output that holds something else.
 
     Examples
     --------
@@ -49,6 +58,12 @@ def run(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
     >>> result.status, len(result.jumps)
     ('finished', 5)
     """
+    if scene.cloud is not None:
+        from saltation.cloud import run_cloud
+
+        return run_cloud(scene, progress, output)
+    if output is not None:
+        raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
     if scene.solver.method != "collocation":
         from saltation.fixed import run_fixed
 

@@ -1,0 +1,233 @@
+"""What a run of many grains leaves: the jumps of each, the encounters, the paths, and how it came about."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from basset.kernels import Floats
+from saltation import encounters, statistics
+from saltation._files import replacing
+from saltation.result import UNITS, shares, table_in
+from saltation.scene import scene_of
+
+WHOLE = ("grain", "first", "second")  # columns that count grains
+ENCOUNTER_UNITS = {"time": "d/u*", "first": "1", "second": "1", "restitution": "1", "distance": "d"}  # others by what they are
+AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}
+
+
+def encounter_unit(name: str) -> str:
+    """The unit of a column of the table of encounters."""
+    if name in ENCOUNTER_UNITS:
+        return ENCOUNTER_UNITS[name]
+    if name in AXES:
+        return "d"
+    if name.startswith("n_"):
+        return "1"
+    if "spin" in name:
+        return "u*/d"
+    return "m u*" if name.startswith("impulse") else "u*"
+
+
+@dataclass(eq=False)
+class CloudResult:
+    """A run of many grains. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
+
+    Attributes
+    ----------
+    scene : Scene
+    all_jumps : DataFrame
+        One row per jump, `grain` and the columns of `Result.jumps`, in the order of grains and time.
+    encounters : DataFrame
+        One row per encounter in the order of time: `first` and `second` grain, place of the first, unit normal from the first
+        to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
+        more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first.
+    fates : DataFrame
+        Grains that left the run before its end: grain, time, fate (at rest, creeping, aloft).
+    status, message : str
+        finished, pile-up, failed, or unfinished (a run that was stopped and can go on); and why.
+    provenance : dict
+        As of `Result`, with the pair law, the box (d), and how many steps were too short to be resolved.
+    time : float
+        How far the run has come, d/u*.
+    """
+
+    scene: Any
+    all_jumps: pd.DataFrame
+    encounters: pd.DataFrame
+    fates: pd.DataFrame
+    status: str
+    message: str
+    provenance: dict[str, Any]
+    time: float
+    _path: xr.Dataset | None = None
+    _parts: list[Path] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Complete the provenance."""
+        self.provenance = self.provenance | shares(self.jumps)
+
+    @property
+    def jumps(self) -> pd.DataFrame:
+        """The jumps that count: without the first `run.discard` of each grain."""
+        number = self.all_jumps.groupby("grain").cumcount()
+        return self.all_jumps[number >= self.scene.run.discard].reset_index(drop=True)
+
+    def summary(self) -> pd.DataFrame:
+        """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number."""
+        return statistics.summary(self.jumps.drop(columns="grain"))
+
+    def frequencies(self) -> dict[str, float]:
+        """Impacts on the bed `bed` (F_pb) and encounters `pairs` (F_pp) of all grains per d/u*, and their `ratio`; thesis Table 4-2."""
+        bed, pairs = len(self.all_jumps) / self.time, len(self.encounters) / self.time
+        return {"bed": bed, "pairs": pairs, "ratio": bed / pairs if pairs else float("inf")}
+
+    @cached_property
+    def trajectory(self) -> xr.Dataset:
+        """Positions and velocities (time, grain) every `cloud.interval`, not folded back into a periodic box; NaN once a grain has left.
+
+        Raises
+        ------
+        ValueError
+            If the paths were not kept (run.trajectory = false).
+        """
+        if self._path is not None:
+            return self._path
+        if not self._parts or not self.scene.run.trajectory:
+            raise ValueError("trajectory was not kept: set run.trajectory = true")
+        pieces = []
+        for part in self._parts:
+            with xr.open_dataset(part, engine="scipy") as opened:
+                pieces.append(opened[[name for name in opened.data_vars if "time" in opened[name].dims]].load())
+        whole = xr.concat(pieces, "time", data_vars="all")
+        whole.attrs = {"diameter": self.scene.numbers.diameter, "velocity": self.scene.numbers.velocity}
+        return whole
+
+    def profiles(self, bins: int = 30, start: float = 0.0) -> pd.DataFrame:
+        """Concentration and mean velocity over the height, from all kept positions after `start` (d/u*).
+
+        Returns
+        -------
+        DataFrame
+            z (d, centre of a layer), concentration (grain volume over the layer's volume in a periodic box; in an open one relative
+            to the mean), velocity and its standard deviation (u*).
+        """
+        path = self.trajectory
+        kept = path["time"].to_numpy() >= start
+        z, u = path["z"].to_numpy()[kept].ravel(), path["u"].to_numpy()[kept].ravel()
+        present = np.isfinite(z)
+        z, u = z[present], u[present]
+        edges = np.linspace(0.0, np.nextafter(z.max(), np.inf), bins + 1)
+        layer = np.digitize(z, edges) - 1
+        count = np.bincount(layer, minlength=bins)[:bins]
+        with np.errstate(invalid="ignore"):
+            mean = np.bincount(layer, u, minlength=bins)[:bins] / count
+            square = np.bincount(layer, u * u, minlength=bins)[:bins] / count
+        thickness = edges[1] - edges[0]
+        length, width, _ = self.scene.box
+        volume = length * width * thickness if self.scene.cloud.boundary == "periodic" else np.pi / 6.0 * self.scene.cloud.number * thickness
+        concentration = count / max(1, kept.sum()) * np.pi / 6.0 / volume
+        deviation = np.sqrt(np.maximum(0.0, square - mean * mean))
+        return pd.DataFrame({"z": 0.5 * (edges[1:] + edges[:-1]), "concentration": concentration, "velocity": mean, "velocity_sd": deviation})
+
+    def dataset(self) -> xr.Dataset:
+        """Everything as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` and `grain`, the rest as attributes."""
+        whole = tables_to_dataset(self.all_jumps, self.encounters)
+        for name, values in self.fates.items():
+            whole[f"fate_{name}"] = ("fate", values.to_numpy())
+        if self._path is not None or (self._parts and self.scene.run.trajectory):
+            whole = whole.merge(self.trajectory, combine_attrs="override")
+        whole.attrs = {
+            "scene": self.scene.model_dump_json(exclude_none=True),
+            "status": self.status,
+            "message": self.message,
+            "provenance": json.dumps(self.provenance),
+            "diameter": self.scene.numbers.diameter,
+            "velocity": self.scene.numbers.velocity,
+            "end": self.time,
+        }
+        return whole
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
+
+        Raises
+        ------
+        OSError
+            If the folder does not exist or cannot be written; nothing is left behind.
+        """
+        with replacing(path) as name:
+            self.dataset().to_netcdf(name, engine="scipy")
+
+    @classmethod
+    def of_dataset(cls, scene: Any, whole: xr.Dataset) -> CloudResult:
+        """From what `dataset` made."""
+        names = [name for name in whole.data_vars if "time" in whole[name].dims]
+        path = whole[names] if names else None
+        if path is not None:
+            path.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
+        told = whole.attrs
+        jumps, met, fates = (table_in(whole, name) for name in ("jump", "encounter", "fate"))
+        return cls(scene, jumps, met, fates, told["status"], told["message"], json.loads(told["provenance"]), told["end"], path)
+
+
+def tables_to_dataset(jumps: pd.DataFrame, met: pd.DataFrame) -> xr.Dataset:
+    """Tables of jumps and encounters as variables."""
+    told = UNITS | {"grain": ("1", "number of the grain")}
+    data: dict[str, Any] = {f"jump_{name}": ("jump", jumps[name].to_numpy(), {"units": told[name][0], "long_name": told[name][1]}) for name in jumps}
+    data |= {f"encounter_{name}": ("encounter", met[name].to_numpy(), {"units": encounter_unit(name)}) for name in met}
+    return xr.Dataset(data)
+
+
+def encounter_table(rows: Floats) -> pd.DataFrame:
+    """The table of encounters from the rows that a run records."""
+    columns: dict[str, Any] = dict(zip(encounters.COLUMNS, rows.T, strict=True))
+    return pd.DataFrame({name: values.astype(np.int32) if name in WHOLE else values for name, values in columns.items()})
+
+
+def path_dataset(times: Floats, values: Floats, attributes: dict[str, Any]) -> xr.Dataset:
+    """Paths from samples (time, grain, 2·dimensions)."""
+    names = "xyz" if values.shape[2] == 6 else "xz"
+    speeds = {"x": "u", "y": "v", "z": "w"}
+    data = {name: (("time", "grain"), values[:, :, k], {"units": "d", "long_name": AXES[name]}) for k, name in enumerate(names)}
+    for k, name in enumerate(names):
+        data[speeds[name]] = ("time", "grain"), values[:, :, len(names) + k], {"units": "u*", "long_name": f"velocity along {name}"}
+    coordinates = {"time": ("time", times, {"units": "d/u*", "long_name": "time"}), "grain": np.arange(values.shape[1], dtype=np.int32)}
+    return xr.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def ordered(jumps: pd.DataFrame) -> pd.DataFrame:
+    """Jumps by grain and time."""
+    return jumps.sort_values(["grain", "start"], kind="stable", ignore_index=True)
+
+
+def open_folder(folder: Path) -> CloudResult:
+    """The result in the folder of a long run, as far as it has come.
+
+    Raises
+    ------
+    ValueError
+        If it is no such folder.
+    """
+    try:
+        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        scene = scene_of(told["scene"])
+    except (OSError, ValueError, KeyError):
+        raise ValueError(f"{str(folder)!r} is no saltation result: it has no run.json that can be read") from None
+    parts = [folder / f"part-{k:05d}.nc" for k in range(told["parts"])]
+    jumps, met = [], []
+    for part in parts:
+        with xr.open_dataset(part, engine="scipy") as opened:
+            jumps.append(table_in(opened, "jump"))
+            met.append(table_in(opened, "encounter"))
+    whole = ordered(pd.concat(jumps, ignore_index=True))
+    fates = pd.DataFrame(told["fates"], columns=["grain", "time", "fate"])
+    return CloudResult(scene, whole, pd.concat(met, ignore_index=True), fates, told["status"], told["message"], told["provenance"], told["time"], None, parts)
