@@ -127,7 +127,7 @@ class Cloud:
                 tables.fill(float(numbers[grain, _march.STEP]), int(numbers[grain, _march.SLOT]), int(numbers[grain, _march.SINGULAR]))
                 continue
             if code == UNTIL:
-                encounters.flush(self.parts, self.crowd, samples, self.other, until)
+                encounters.flush(self.parts, self.crowd, samples, self.work, until)
             yield code, grain
             if code not in (flight.REST, flight.ALOFT, encounters.JUMPS_FULL, encounters.ENCOUNTERS_FULL):
                 return

@@ -210,50 +210,42 @@ def nearest(difference, period):
 
 
 @shared
-def velocity_at(model, states, i, row):
-    """Velocity of row i of `states` into `row`, three components."""
+def velocity_of(model, states, velocity):
+    """Velocity that belongs to some states, three components, into `velocity`."""
     if model.across is None:
-        row[0], row[1], row[2] = states[i, 2] + both(model.profile, states[i, 1])[0], 0.0, states[i, 3]
+        velocity[0], velocity[1], velocity[2] = states[2] + both(model.profile, states[1])[0], 0.0, states[3]
     else:
-        row[0], row[1], row[2] = states[i, 3] + both(model.profile, states[i, 2])[0], states[i, 4], states[i, 5]
+        velocity[0], velocity[1], velocity[2] = states[3] + both(model.profile, states[2])[0], states[4], states[5]
 
 
 @shared
-def describe(model, nodes, h, singular, share, y, polynomial, states, work, path):
+def describe(model, nodes, h, singular, share, y, polynomial, work, path):
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
     d = 2 if model.across is None else 3
-    count, here, out = len(nodes.c), work.here, work.out
-    for a in range(len(y)):
-        here[0, a] = y[a]
-    before, now = out[0], out[1]
-    velocity_at(model, here, 0, before)
+    here, before, now = work.here[0], work.out[0], work.out[1]
+    velocity_of(model, y, before)
     length = h * share
-    x = y[0]
+    x, z = y[0], y[d - 1]
     across = 0.0 if model.across is None else y[1]
-    z = y[d - 1]
+    u, v, w = before[0], before[1], before[2]
     if share > 1e-6:
-        end_x, end_y, end_z = flight.at(polynomial, y, singular, share, 0), 0.0, flight.at(polynomial, y, singular, share, d - 1)
-        if model.across is not None:
-            end_y = flight.at(polynomial, y, singular, share, 1)
-        u, v, w = (end_x - x) / length, (end_y - across) / length, (end_z - z) / length
-    else:
-        u, v, w = before[0], before[1], before[2]
+        flight.all_at(polynomial, y, singular, share, here)
+        u, v, w = (here[0] - x) / length, (0.0 if model.across is None else here[1] - across) / length, (here[d - 1] - z) / length
     pace = (before[0] - u) ** 2 + (before[1] - v) ** 2 + (before[2] - w) ** 2
     spread, bend, last = 0.0, 0.0, 0.0
-    for k in range(count):
-        time = nodes.c[k] * h
-        velocity_at(model, states, k, now)
+    for k in range(len(nodes.c)):
+        velocity_of(model, work.states[k], now)
         pace = max(pace, (now[0] - u) ** 2 + (now[1] - v) ** 2 + (now[2] - w) ** 2)
-        where = math.sqrt(time) if singular == 1 else time
+        where = math.sqrt(nodes.c[k] * h) if singular == 1 else nodes.c[k] * h
         change = math.sqrt((now[0] - before[0]) ** 2 + (now[1] - before[1]) ** 2 + (now[2] - before[2]) ** 2)
         bend = max(bend, change / (where - last))
         last = where
         before[0], before[1], before[2] = now[0], now[1], now[2]
     for quarter in range(1, 4):
-        theta = 0.25 * quarter * share
-        off_x = flight.at(polynomial, y, singular, theta, 0) - x - u * h * theta
-        off_y = 0.0 if model.across is None else flight.at(polynomial, y, singular, theta, 1) - across - v * h * theta
-        off_z = flight.at(polynomial, y, singular, theta, d - 1) - z - w * h * theta
+        flight.all_at(polynomial, y, singular, 0.25 * quarter * share, here)
+        time = 0.25 * quarter * length
+        off_x, off_z = here[0] - x - u * time, here[d - 1] - z - w * time
+        off_y = 0.0 if model.across is None else here[1] - across - v * time
         spread = max(spread, off_x * off_x + off_y * off_y + off_z * off_z)
     spread = MARGIN * math.sqrt(spread) + 1e-9
     path[X], path[Y], path[Z] = x + 0.5 * u * length, across + 0.5 * v * length, z + 0.5 * w * length
@@ -295,27 +287,26 @@ def polynomial_of(parts, crowd, grain, out):
 
 
 @shared
-def state_at(crowd, grain, polynomial, time, a):
-    """State a of a grain at a time of the step in hand."""
+def states_at(crowd, grain, polynomial, time, row):
+    """All states of a grain at a time of the step in hand, into `row`."""
     numbers = crowd.numbers[grain]
     theta = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
-    return flight.at(polynomial, crowd.y[grain], int(numbers[SINGULAR]), theta, a)
+    flight.all_at(polynomial, crowd.y[grain], int(numbers[SINGULAR]), theta, row)
 
 
 @shared
-def apart(model, world, crowd, i, j, one, two, time):
-    """Gap between two surfaces and its rate of change."""
+def apart(model, world, crowd, i, j, one, two, time, rows):
+    """Gap between two surfaces and its rate of change; `rows` is overwritten."""
     d = 2 if model.across is None else 3
-    x = nearest(state_at(crowd, j, two, time, 0) - state_at(crowd, i, one, time, 0), world.length)
-    first, second = state_at(crowd, i, one, time, d - 1), state_at(crowd, j, two, time, d - 1)
-    z = second - first
-    u = state_at(crowd, j, two, time, d) + both(model.profile, second)[0] - state_at(crowd, i, one, time, d) - both(model.profile, first)[0]
-    w = state_at(crowd, j, two, time, 2 * d - 1) - state_at(crowd, i, one, time, 2 * d - 1)
-    square, product = x * x + z * z, x * u + z * w
+    first, second = rows[0], rows[1]
+    states_at(crowd, i, one, time, first)
+    states_at(crowd, j, two, time, second)
+    x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
+    u = second[d] + both(model.profile, second[d - 1])[0] - first[d] - both(model.profile, first[d - 1])[0]
+    square, product = x * x + z * z, x * u + z * (second[2 * d - 1] - first[2 * d - 1])
     if model.across is not None:
-        y = nearest(state_at(crowd, j, two, time, 1) - state_at(crowd, i, one, time, 1), world.width)
-        v = state_at(crowd, j, two, time, 4) - state_at(crowd, i, one, time, 4)
-        square, product = square + y * y, product + y * v
+        y = nearest(second[1] - first[1], world.width)
+        square, product = square + y * y, product + y * (second[4] - first[4])
     distance = math.sqrt(square)
     return distance - 1.0, product / distance
 
@@ -355,14 +346,14 @@ def certain(gap, rate, bend, one, two, age_one, age_two, left):
 
 
 @shared
-def meeting(model, world, crowd, i, j, one, two, start, end):
+def meeting(model, world, crowd, i, j, one, two, start, end, rows):
     """When two grains meet in [start, end], infinity if they do not."""
     first, second = crowd.path[i], crowd.path[j]
     touch = 1e-12 + 1e-14 * abs(end)  # rounding of positions and times
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
     bend = first[BEND] + second[BEND]
     time, earlier = start, start
-    gap, rate = apart(model, world, crowd, i, j, one, two, time)
+    gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
     for _ in range(1000):
         if gap > speed * (end - time):
             return math.inf
@@ -374,14 +365,14 @@ def meeting(model, world, crowd, i, j, one, two, start, end):
             return math.inf
         earlier = time
         time += pause
-        gap, rate = apart(model, world, crowd, i, j, one, two, time)
+        gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
     if gap < -touch and earlier < time:  # the nodes did not tell all: back to where the surfaces met
         late = time
         for _ in range(80):
             time = 0.5 * (earlier + late)
             if not earlier < time < late:
                 break
-            if apart(model, world, crowd, i, j, one, two, time)[0] > 0.0:
+            if apart(model, world, crowd, i, j, one, two, time, rows)[0] > 0.0:
                 earlier = time
             else:
                 late = time
@@ -410,7 +401,7 @@ def seek(parts, world, crowd, heads, i, now, work, other):
                             polynomial_of(parts, crowd, i, work.polynomial)
                             fitted = True
                         polynomial_of(parts, crowd, j, other)
-                        time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end)
+                        time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
                         if time < best:
                             best, chosen = time, j
                 j = crowd.link[j]
@@ -478,7 +469,7 @@ def plan(parts, world, crowd, heads, logs, i, jacobian, work):
         path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
         if world is None:
             return ACCEPTED
-        reach = describe(model, nodes, h, singular, share, state.y, work.polynomial, work.states, work, path)
+        reach = describe(model, nodes, h, singular, share, state.y, work.polynomial, work, path)
         if reach <= REACH:
             enter_cell(world, crowd, heads, i)
             return ACCEPTED
@@ -486,15 +477,15 @@ def plan(parts, world, crowd, heads, logs, i, jacobian, work):
 
 
 @shared
-def write_samples(model, crowd, samples, i, polynomial, until):
-    """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w."""
+def write_samples(model, crowd, samples, i, polynomial, until, row):
+    """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = 2 if model.across is None else 3
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
-        time = crowd.sample[i] * samples.interval
-        place = crowd.sample[i] - samples.first[0]
+        states_at(crowd, i, polynomial, crowd.sample[i] * samples.interval, row)
+        kept = samples.values[crowd.sample[i] - samples.first[0], i]
         for a in range(2 * d):
-            samples.values[place, i, a] = state_at(crowd, i, polynomial, time, a)
-        samples.values[place, i, d] += both(model.profile, samples.values[place, i, d - 1])[0]
+            kept[a] = row[a]
+        kept[d] += both(model.profile, kept[d - 1])[0]
         crowd.sample[i] += 1
 
 
@@ -502,7 +493,7 @@ def write_samples(model, crowd, samples, i, polynomial, until):
 def cut_at(parts, crowd, samples, i, now, theta, jacobian, work):
     """Take the step in hand up to θ, at time `now`; its polynomial is in `work`."""
     state, numbers = view(crowd, i, jacobian), crowd.numbers[i]
-    write_samples(parts.model, crowd, samples, i, work.polynomial, now)
+    write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
     flight.watch(parts.model, work.polynomial, state.y, int(numbers[SINGULAR]), numbers[STEP], theta, crowd.flight[i])
     flight.cut_step(parts.problem, parts.nodes, parts.memory, parts.cut, state, theta, crowd.values[i], work)
     numbers[TIME] = now
@@ -516,7 +507,7 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
     state = view(crowd, i, jacobian)
     if crowd.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
-        write_samples(parts.model, crowd, samples, i, work.polynomial, now)
+        write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
         flight.watch(parts.model, work.polynomial, state.y, singular, h, 1.0, crowd.flight[i])
         crowd.before[i] = 0.0 if singular == 1 else h
         _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
@@ -669,13 +660,13 @@ advance = compiled(_make_advance, allocates=False)
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts, crowd, samples, polynomial, until):
+    def flush(parts, crowd, samples, work, until):
         """Write all samples up to `until`, which every step in hand reaches."""
         digest  # noqa: B018 - part of the cache key
         for i in range(len(crowd.clock)):
             if crowd.kind[i] != GONE and crowd.sample[i] * samples.interval <= until:
-                polynomial_of(parts, crowd, i, polynomial)
-                write_samples(parts.model, crowd, samples, i, polynomial, until)
+                polynomial_of(parts, crowd, i, work.polynomial)
+                write_samples(parts.model, crowd, samples, i, work.polynomial, until, work.here[0])
 
     return flush
 
