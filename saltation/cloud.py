@@ -64,13 +64,15 @@ def starts(engine: Engine) -> tuple[Floats, Floats, Floats]:
 class Cloud:
     """A cloud under way: all its grains as plain arrays, advanced as far as asked."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, grains: range | None = None) -> None:
+        """All grains, or some neighbouring ones: without encounters each flies as it would among all."""
         self.engine = engine
         scene, d, members = engine.scene, engine.dimensions, engine.members
-        number, stages = scene.cloud.number, engine.tables.count
+        self.grains = range(scene.cloud.number) if grains is None else grains
+        number, stages = len(self.grains), engine.tables.count
         self.crowd = empty_crowd(number, engine.states, members, len(engine.rates), stages)
         crowd = self.crowd
-        for i, (position, velocity, spin) in enumerate(zip(*starts(engine), strict=True)):
+        for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
             crowd.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
             crowd.spin[i] = spin
             crowd.flight[i, [flight.X, flight.Y, flight.Z]] = position
@@ -84,7 +86,7 @@ class Cloud:
         self.heads = np.full(cells, -1, dtype=np.int32)
         self.parts = encounters.Parts(
             engine.model,
-            engine.bed,
+            engine.bed._replace(grain=self.grains.start) if engine.bed is not None else None,
             engine.memory(),
             engine.limits,
             engine.problem._replace(end=math.inf),

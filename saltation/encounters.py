@@ -110,7 +110,7 @@ class Logs(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What stays the same during a run, as for one grain."""
+    """What stays the same during a run, as for one grain; `bed.grain` is the number of the first one."""
 
     model: Any
     bed: Any
@@ -459,7 +459,7 @@ def plan(parts, world, crowd, heads, logs, i, jacobian, work):
             for k in range(len(nodes.c)):
                 near = near or work.states[k, d - 1] < parts.bed.highest
             if near:
-                draws = uniforms(parts.bed.seed, i, int(account[flight.IMPACTS]))
+                draws = uniforms(parts.bed.seed, parts.bed.grain + i, int(account[flight.IMPACTS]))
                 fresh = numbers[TIME] == account[flight.START]
                 contact = flight.first_contact(model, parts.bed, work.polynomial, state.y, singular, draws, fresh)
         share = min(contact, 1.0)
@@ -519,7 +519,7 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
     count[0] += 1
     bed = parts.bed
     if bed is not None:
-        own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, i), room_of(crowd, i, work)
+        own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
         account = crowd.flight[i]
         return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps, parts.prescribed)
     return ACCEPTED
