@@ -87,6 +87,12 @@ def computed(scene: Any) -> dict[str, str]:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
         found["bed"] = f"{bed.rebound}, e = {bed.restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, read as {bed.reading}"
+    if scene.cloud is not None:
+        length, width, height = scene.box
+        found["grains"] = f"{scene.cloud.number} from a layer of {length:.4g} × {width:.4g} × {height:.3g} d, C_p = {scene.cloud.concentration:g}"
+        if "encounters" in scene.names:
+            pairs = scene.options("encounters")
+            found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, in a box that is {scene.cloud.boundary} across and along"
     solver = scene.solver
     found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
     length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
