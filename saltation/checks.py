@@ -92,7 +92,7 @@ def computed(scene: Any) -> dict[str, str]:
         found["grains"] = f"{scene.cloud.number} from a layer of {length:.4g} × {width:.4g} × {height:.3g} d, C_p = {scene.cloud.concentration:g}"
         if "encounters" in scene.names:
             pairs = scene.options("encounters")
-            found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, in a box that is {scene.cloud.boundary} across and along"
+            found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, {scene.cloud.boundary} along and across"
     solver = scene.solver
     found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
     length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
