@@ -392,7 +392,7 @@ def seek(parts, world, crowd, heads, i, now, work, other):
     fitted = False
     for p in range(min(2 * long + 1, world.along)):
         for q in range(min(2 * wide + 1, world.across)):
-            j = heads[((column - long + p) % world.along) * world.across + (row - wide + q) % world.across]
+            j = np.int64(heads[((column - long + p) % world.along) * world.across + (row - wide + q) % world.across])
             while j >= 0:
                 if j != i:
                     begin, end = max(start, path[j, BEGIN]), min(best, crowd.clock[j], path[j, END])
@@ -404,12 +404,12 @@ def seek(parts, world, crowd, heads, i, now, work, other):
                         time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
                         if time < best:
                             best, chosen = time, j
-                j = crowd.link[j]
+                j = np.int64(crowd.link[j])
     if chosen < 0:
-        set_event(world, crowd, i, mine[END], crowd.own[i], -1)
+        set_event(world, crowd, i, mine[END], np.int64(crowd.own[i]), -1)
         return
     if crowd.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to seek again
-        set_event(world, crowd, crowd.partner[chosen], now, SEEK, -1)
+        set_event(world, crowd, np.int64(crowd.partner[chosen]), now, SEEK, -1)
     set_event(world, crowd, i, best, ENCOUNTER, chosen)
     set_event(world, crowd, chosen, best, ENCOUNTER, i)
 
@@ -571,7 +571,7 @@ def cascading(world, crowd, grain, now):
 @shared
 def encounter(parts, world, crowd, samples, logs, i, now, jacobian, work):
     """Two grains meet: ACCEPTED or PILE_UP."""
-    j = int(crowd.partner[i])
+    j = np.int64(crowd.partner[i])
     for side in range(2):
         grain = i if side == 0 else j
         if cascading(world, crowd, grain, now):
@@ -600,7 +600,7 @@ def depart(world, crowd, heads, i):
 @shared
 def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, fitted):
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
-    now, kind = crowd.clock[i], crowd.kind[i]
+    now, kind = crowd.clock[i], np.int64(crowd.kind[i])
     if kind == PLAN:
         code = plan(parts, world, crowd, heads, logs, i, jacobian, work)
         if code != ACCEPTED:
@@ -609,7 +609,7 @@ def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, r
                 depart(world, crowd, heads, i)
             return code
         if world is None:
-            set_event(world, crowd, i, crowd.path[i, END], crowd.own[i], -1)
+            set_event(world, crowd, i, crowd.path[i, END], np.int64(crowd.own[i]), -1)
             return ACCEPTED
     if world is not None:
         if kind in (PLAN, SEEK):
@@ -646,7 +646,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
                     fitted = True
             return UNTIL
         while True:
-            i = crowd.heap[0]
+            i = np.int64(crowd.heap[0])  # one type of index: every function is compiled once
             if not crowd.clock[i] <= until or crowd.kind[i] == GONE:
                 return UNTIL
             code = serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, False)
