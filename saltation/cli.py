@@ -267,24 +267,34 @@ def campaign(
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--figure", "names", multiple=True, metavar="NAME", help="Which; default all that the result allows.")
 @click.option("--output", type=click.Path(path_type=Path), help="The picture, PNG, PDF or SVG; several figures: NAME is added to each.")
-def plot(result: Path, names: tuple[str, ...], output: Path | None) -> None:
-    """Draw figures of RESULT, a file that `saltation run --output` wrote."""
+@click.option("--animate", "film", type=click.Path(path_type=Path), help="A GIF of many grains in their box, instead of figures or with those named.")
+def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path | None) -> None:
+    """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
+    from saltation.cloud_plots import CLOUD_PLOTS
+    from saltation.cloud_result import CloudResult
     from saltation.plots import PLOTS
 
+    known = list(dict.fromkeys((*PLOTS, *CLOUD_PLOTS)))
     for name in names:
-        if name not in PLOTS:
-            raise Mistake(f"--figure must be one of {', '.join(map(repr, PLOTS))}, got {name!r}{_validate.suggestion(name, PLOTS)}")
+        if name not in known:
+            raise Mistake(f"--figure must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
     target = output or result.with_suffix(".png")
-    if target.suffix not in (".png", ".pdf", ".svg"):
-        raise Mistake(f"--output must end in .png, .pdf or .svg, got {str(target)!r}")
-    if not target.parent.is_dir():
-        raise Mistake(f"--output: the folder {str(target.parent)!r} does not exist")
+    check_picture("--output", target, (".png", ".pdf", ".svg"))
+    if film is not None:
+        check_picture("--animate", film, (".gif",))
     with mistakes_of_files("RESULT"):
         opened = open_result(result)
-    chosen = list(dict.fromkeys(names)) or list(PLOTS)
+    cloud = isinstance(opened, CloudResult)
+    own: dict[str, Callable[[Any], Any]] = {**CLOUD_PLOTS} if cloud else {**PLOTS}
+    for name in names:
+        if name not in own:
+            raise Mistake(f"--figure {name}: of {'many grains' if cloud else 'a single grain'} there are {', '.join(map(repr, own))}")
+    if film is not None:
+        draw_film(opened, film, cloud)
+    chosen = list(dict.fromkeys(names)) or (list(own) if film is None else [])
     for name in chosen:
         try:
-            figure = PLOTS[name](opened)
+            figure = own[name](opened)
         except ValueError as error:
             if names:
                 raise Mistake(f"--figure {name}: {error}") from None
@@ -350,6 +360,28 @@ def open_result(path: Path) -> Any:
         return saltation.open(path)
     except (TypeError, ValueError, KeyError):
         raise Mistake(f"RESULT must be a file that `saltation run --output` wrote, got {str(path)!r}") from None
+
+
+def check_picture(option: str, path: Path, kinds: Sequence[str]) -> None:
+    """Refuse before anything is drawn."""
+    if path.suffix not in kinds:
+        raise Mistake(f"{option} must end in {', '.join(kinds[:-1])}{' or ' if len(kinds) > 1 else ''}{kinds[-1]}, got {str(path)!r}")
+    if not path.parent.is_dir():
+        raise Mistake(f"{option}: the folder {str(path.parent)!r} does not exist")
+
+
+def draw_film(result: Any, path: Path, cloud: bool) -> None:
+    """The animation, with a bar on a terminal."""
+    if not cloud:
+        raise Mistake("--animate needs a run of many grains: a scene with a [cloud]")
+    from saltation.animation import animate
+
+    with mistakes_of_files("--animate"), progress("drawing", TimeElapsedColumn()) as report:
+        try:
+            animate(result, path, progress=report)
+        except ValueError as error:
+            raise Mistake(f"--animate: {error}") from None
+    click.echo(f"written: {path}")
 
 
 def draw(figure: Any, path: Path) -> None:
