@@ -20,13 +20,13 @@ import numpy as np
 from basset._compile import compiled, shared
 from basset.kernels import Floats
 from basset.solvers import _march
-from basset.solvers._march import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TIME, TOO_SMALL
+from basset.solvers._march import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
 from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.contact import strike_pair
 from saltation.flow import both
 
-STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE = range(6)  # what a grain's next event is
+STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH = range(8)  # what a grain's next event is
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` came back, beside the codes of a flight
 BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Crowd.path`
 REACH = 2.0  # d: half a step's path is at most this long
@@ -324,7 +324,9 @@ def certain(gap, rate, bend, one, two, age_one, age_two, left):
         return left
     if one == 0.0 and two == 0.0:
         root = math.sqrt(rate * rate + 2.0 * bend * gap)
-        return 2.0 * gap / (root - rate) if rate <= 0.0 else (rate + root) / bend
+        if rate > 0.0:
+            return (rate + root) / bend
+        return 2.0 * gap / (root - rate) if gap > 0.0 else 0.0
     time = left  # Newton's method comes down to the root from above: the bound is concave
     for _ in range(50):
         value = gap + rate * time - 0.5 * bend * time * time - one * fall(age_one, time) - two * fall(age_two, time)
@@ -347,7 +349,7 @@ def certain(gap, rate, bend, one, two, age_one, age_two, left):
 
 @shared
 def meeting(model, world, crowd, i, j, one, two, start, end, rows):
-    """When two grains meet in [start, end], infinity if they do not."""
+    """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond."""
     first, second = crowd.path[i], crowd.path[j]
     touch = 1e-12 + 1e-14 * abs(end)  # rounding of positions and times
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
@@ -360,12 +362,14 @@ def meeting(model, world, crowd, i, j, one, two, start, end, rows):
         if gap <= touch and rate < 0.0:
             break
         pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
-        pause = max(pause, gap / speed, 1e-10 if rate >= 0.0 else 4e-16 * (1.0 + abs(time)))
+        pause = max(pause, gap / speed, 1e-6 if rate >= 0.0 else 4e-16 * (1.0 + abs(time)))
         if pause >= end - time:
             return math.inf
         earlier = time
         time += pause
         gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
+    if gap > touch or rate >= 0.0:
+        return -time
     if gap < -touch and earlier < time:  # the nodes did not tell all: back to where the surfaces met
         late = time
         for _ in range(80):
@@ -385,7 +389,7 @@ def seek(parts, world, crowd, heads, i, now, work, other):
     """Find the earliest encounter of grain i in the step in hand, and make it the next event of both."""
     path = crowd.path
     mine = path[i]
-    start, best, chosen = max(now, mine[BEGIN]), mine[END], -1
+    start, best, chosen = max(now, mine[BEGIN]), mine[END], np.int64(-1)
     column, row = math.floor(mine[X] / world.cell_x), math.floor(mine[Y] / world.cell_y)
     reach = 1.0 + REACH + 0.5 * (mine[END] - mine[BEGIN]) * math.sqrt(mine[U] ** 2 + mine[V] ** 2 + mine[W] ** 2) + mine[SPREAD]
     long, wide = math.ceil(reach / world.cell_x), math.ceil(reach / world.cell_y)
@@ -402,11 +406,11 @@ def seek(parts, world, crowd, heads, i, now, work, other):
                             fitted = True
                         polynomial_of(parts, crowd, j, other)
                         time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
-                        if time < best:
-                            best, chosen = time, j
+                        if abs(time) < best:
+                            best, chosen = abs(time), j if time >= 0.0 else np.int64(-1)
                 j = np.int64(crowd.link[j])
     if chosen < 0:
-        set_event(world, crowd, i, mine[END], np.int64(crowd.own[i]), -1)
+        set_event(world, crowd, i, best, np.int64(crowd.own[i]) if best == mine[END] else SEEK, -1)
         return
     if crowd.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to seek again
         set_event(world, crowd, np.int64(crowd.partner[chosen]), now, SEEK, -1)
@@ -434,21 +438,31 @@ def room_of(crowd, i, work):
 
 @shared
 def plan(parts, world, crowd, heads, logs, i, jacobian, work):
-    """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`."""
+    """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`.
+
+    A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
+    """
     model, nodes, problem = parts.model, parts.nodes, parts.problem
     d = 2 if model.across is None else 3
     state, numbers, account, room = view(crowd, i, jacobian), crowd.numbers[i], crowd.flight[i], room_of(crowd, i, work)
     if numbers[TIME] - account[flight.START] > parts.limits.longest:
         return flight.ALOFT
-    if crowd.before[i] > 0.0:  # the values of the step before are still in their place
+    if crowd.before[i] > 0.0 and crowd.kind[i] == PLAN:  # the values of the step before are still in their place
         flight.keep_rate(nodes, 0, crowd.before[i], crowd.values[i], room)
     while True:
-        code = flight.attempt(model, parts.memory.finite, crowd.spin[i], problem, nodes, parts.tables, state, crowd.values[i], room)
-        if world is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
-            # what happens between two contacts that follow each other more closely than that cannot be resolved
-            numbers[STEP] = 8.0 * problem.floor
+        if crowd.kind[i] != ROUGH:
+            code = flight.attempt(model, parts.memory.finite, crowd.spin[i], problem, nodes, parts.tables, state, crowd.values[i], room)
+            if code == TABLE:
+                crowd.kind[i] = AGAIN
+            elif world is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
+                # what happens between two contacts that follow each other more closely than that cannot be resolved
+                numbers[STEP] = 8.0 * problem.floor
+                crowd.kind[i] = ROUGH
+        if crowd.kind[i] == ROUGH:
             code = flight.attempt(model, parts.memory.finite, crowd.spin[i], parts.coarse, nodes, parts.tables, state, crowd.values[i], room)
-            logs.count[3] += code == ACCEPTED
+            if code == ACCEPTED:
+                crowd.kind[i] = PLAN
+                logs.count[3] += 1
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
@@ -601,7 +615,7 @@ def depart(world, crowd, heads, i):
 def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, fitted):
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
     now, kind = crowd.clock[i], np.int64(crowd.kind[i])
-    if kind == PLAN:
+    if kind in (PLAN, AGAIN, ROUGH):
         code = plan(parts, world, crowd, heads, logs, i, jacobian, work)
         if code != ACCEPTED:
             logs.count[2] = i
@@ -612,7 +626,7 @@ def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, r
             set_event(world, crowd, i, crowd.path[i, END], np.int64(crowd.own[i]), -1)
             return ACCEPTED
     if world is not None:
-        if kind in (PLAN, SEEK):
+        if kind in (PLAN, AGAIN, ROUGH, SEEK):
             seek(parts, world, crowd, heads, i, now, work, other)
             return ACCEPTED
         if kind == ENCOUNTER:
@@ -646,10 +660,10 @@ def _make_advance(digest: str) -> Callable[..., Any]:
                     fitted = True
             return UNTIL
         while True:
-            i = np.int64(crowd.heap[0])  # one type of index: every function is compiled once
-            if not crowd.clock[i] <= until or crowd.kind[i] == GONE:
+            grain = np.int64(crowd.heap[0])  # one type of index: every function is compiled once
+            if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
                 return UNTIL
-            code = serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, False)
+            code = serve(parts, world, crowd, heads, samples, logs, grain, jacobian, work, other, record, False)
             if code != ACCEPTED:
                 return code
 
