@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -130,8 +130,10 @@ class Cloud:
                 continue
             if code == UNTIL:
                 encounters.flush(self.parts, self.crowd, samples, self.work, until)
+            elif code not in GOES_ON and self.world is not None:  # nobody is behind the grain that stopped the run
+                encounters.flush(self.parts, self.crowd, samples, self.work, float(self.crowd.clock[grain]))
             yield code, grain
-            if code not in (flight.REST, flight.ALOFT, encounters.JUMPS_FULL, encounters.ENCOUNTERS_FULL):
+            if code not in GOES_ON:
                 return
 
     def speed_of(self, grain: int) -> float:
@@ -142,6 +144,7 @@ class Cloud:
 
 
 PART = 2**19  # kept positions in a part of a run: 25 MB
+GOES_ON = (flight.REST, flight.ALOFT, encounters.JUMPS_FULL, encounters.ENCOUNTERS_FULL)  # after which a run does
 SLICE = 4096  # grain times interval between two looks at the clock
 MESSAGES = STATUS | {
     UNTIL: ("finished", "the time is over"),
@@ -191,6 +194,19 @@ class Part:
         return whole if path is None else whole.merge(path, combine_attrs="override")
 
 
+STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
+
+
+class Told(NamedTuple):
+    """How far a run has come: parts that are done, the time, the status and why, and which grains have left."""
+
+    parts: int
+    time: float
+    status: str
+    message: str
+    fates: list[Any]
+
+
 class Folder:
     """The folder of a long run: numbered parts, a checkpoint after each, and run.json with how far it has come.
 
@@ -218,35 +234,32 @@ class Folder:
             raise SceneError(f"--output {str(self.path)!r} holds the run of another scene or version: give a new folder")
         return told
 
-    def tell(self, parts: int, time: float, status: str, message: str, fates: list[Any], known: dict[str, Any]) -> None:
+    def tell(self, told: Told, known: dict[str, Any]) -> None:
         """Write run.json."""
-        told = {"key": self.key, "status": status, "message": message, "parts": parts, "time": time, "fates": fates, "provenance": known}
-        write(self.path / "run.json", json.dumps(told | {"scene": json.loads(self.scene.model_dump_json(exclude_none=True))}, indent=1) + "\n")
+        content = {"key": self.key} | told._asdict() | {"provenance": known}
+        write(self.path / "run.json", json.dumps(content | {"scene": json.loads(self.scene.model_dump_json(exclude_none=True))}, indent=1) + "\n")
 
     def put(self, number: int, dataset: Any) -> None:
         """Write a part."""
         with replacing(self.path / f"part-{number:05d}.nc") as name:
             dataset.to_netcdf(name, engine="scipy")
 
-    def keep(self, cloud: Cloud, part: int, fates: list[Any]) -> None:
-        """Write a checkpoint: the next part and all that is needed to fly it."""
-        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "part": np.array(part), "fates": np.array(json.dumps(fates))}
+    def keep(self, cloud: Cloud, told: Told) -> None:
+        """Write a checkpoint: how far the run has come and all that is needed to go on."""
+        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "told": np.array(json.dumps(told))}
         with replacing(self.path / "checkpoint.npz") as name, open(name, "wb") as file:
             np.savez(file, **arrays)
 
-    def recall(self, cloud: Cloud) -> tuple[int, list[Any]]:
-        """Put a cloud back to the last checkpoint: (next part, fates); (0, []) if there is none."""
+    def recall(self, cloud: Cloud) -> Told:
+        """Put a cloud back to the last checkpoint."""
         file = self.path / "checkpoint.npz"
         if not file.exists():
-            return 0, []
+            return Told(0, 0.0, *STOPPED, [])
         with np.load(file) as kept:
             for name, array in cloud.crowd._asdict().items():
                 array[:] = kept[name]
             cloud.heads[:], cloud.logs.count[:] = kept["heads"], kept["count"]
-            return int(kept["part"]), list(json.loads(str(kept["fates"])))
-
-
-STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
+            return Told(*json.loads(str(kept["told"])))
 
 
 def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
@@ -262,10 +275,17 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
                 fate = "aloft" if code == flight.ALOFT else "creeping" if slides else "at rest"
                 fates.append([grain, float(cloud.crowd.numbers[grain, _march.TIME]), fate])
         if code != UNTIL:
-            return code, clock, grain
+            return code, float(cloud.crowd.clock[grain]) if cloud.world is not None else clock, grain
         clock = until
         progress(until)
     return code, clock, grain
+
+
+def note(cloud: Cloud, known: dict[str, Any]) -> None:
+    """Add what is special to encounters to the provenance."""
+    if cloud.world is not None:
+        scene = cloud.engine.scene
+        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
 
 
 def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None) -> CloudResult:
@@ -278,47 +298,39 @@ def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, outpu
     stretch = count * interval
     last = max(1, math.ceil(end / stretch * (1.0 - 1e-12)))
     known = origin(engine)
-    if cloud.world is not None:
-        known["encounters"] = scene.options("encounters").model_dump()
-        known["box"] = scene.box
     folder = Folder(output, scene) if output is not None else None
-    fates: list[Any] = []
-    begin = 0
+    told = Told(0, 0.0, *STOPPED, [])
     if folder is not None:
-        if (told := folder.told()) is not None and told["status"] != STOPPED[0]:
+        if (before := folder.told()) is not None and before["status"] != STOPPED[0]:
             return open_folder(folder.path)
-        begin, fates = folder.recall(cloud)
-        folder.tell(begin, min(end, begin * stretch), *STOPPED, fates, known)
+        told = folder.recall(cloud)
+        note(cloud, known)
+        folder.tell(told, known)  # the last words of a run that was killed between its checkpoint and them
 
     def report(time: float) -> None:
         if progress is not None:
             progress(min(1.0, time / end))
 
     parts: list[Part] = []
-    reached, status, message = 0.0, *MESSAGES[UNTIL]
-    for k in range(begin, last):
+    while told.status == STOPPED[0]:
+        k = told.parts
         part = Part(engine, k * count, max(0, min(count, every - k * count)))
-        code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), fates, report)
-        if cloud.world is not None:
-            known["unresolved_steps"] = int(cloud.logs.count[3])
-        status, message = MESSAGES[code]
-        if code != UNTIL:
-            message = f"grain {grain}: {message}"
+        code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), told.fates, report)
+        note(cloud, known)
+        status, message = MESSAGES[code] if code != UNTIL or k + 1 == last else STOPPED
+        told = Told(k + 1, reached, status, message if code == UNTIL else f"grain {grain}: {message}", told.fates)
         if folder is None:
             parts.append(part)
         else:
             folder.put(k, part.dataset(reached))
-            folder.keep(cloud, k + 1, fates)
-            over = k + 1 == last or code != UNTIL
-            folder.tell(k + 1, reached, *((status, message) if over else STOPPED), fates, known)
-        if code != UNTIL:
-            break
+            folder.keep(cloud, told)
+            folder.tell(told, known)
     if folder is not None:
         return open_folder(folder.path)
     tables = [part.tables() for part in parts]
     jumps = ordered(pd.concat([own for own, _ in tables], ignore_index=True))
     met = pd.concat([met for _, met in tables], ignore_index=True)
-    paths = [path for part in parts if (path := part.path(reached)) is not None]
+    paths = [path for part in parts if (path := part.path(told.time)) is not None]
     path = xr.concat(paths, "time", data_vars="all") if paths else None
-    left = pd.DataFrame(fates, columns=["grain", "time", "fate"])
-    return CloudResult(scene, jumps, met, left, status, message, known, reached, path)
+    left = pd.DataFrame(told.fates, columns=["grain", "time", "fate"])
+    return CloudResult(scene, jumps, met, left, told.status, told.message, known, told.time, path)

@@ -87,7 +87,8 @@ class CloudResult:
 
     def frequencies(self) -> dict[str, float]:
         """Impacts on the bed `bed` (F_pb) and encounters `pairs` (F_pp) of all grains per d/u*, and their `ratio`; thesis Table 4-2."""
-        bed, pairs = len(self.all_jumps) / self.time, len(self.encounters) / self.time
+        time = self.time or np.nan  # a run that stopped at once
+        bed, pairs = len(self.all_jumps) / time, len(self.encounters) / time
         return {"bed": bed, "pairs": pairs, "ratio": bed / pairs if pairs else float("inf")}
 
     @cached_property
