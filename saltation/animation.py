@@ -22,6 +22,7 @@ from saltation.cloud_result import CloudResult
 from saltation.highlights import jump_time, settled
 
 FRAMES = 100
+WIDEST = 30.0  # d: of a wider box a part is shown
 WIDTH = 7.2  # inch
 DOTS = 80  # per inch
 PAUSE = 80  # ms between frames
@@ -34,10 +35,11 @@ class Scenery:
 
     def __init__(self, result: CloudResult, speeds: Floats, top: float) -> None:
         """For `speeds` (u*) from the first to the second and heights up to `top` (d)."""
-        self.length, self.width, _ = result.scene.box
+        box = result.scene.box
+        self.length, self.width = min(box[0], WIDEST), min(box[1], WIDEST)
         self.flat = result.scene.in_plane
         shapes = [top] if self.flat else [top, self.width]
-        height = 1.5 + WIDTH * 0.86 * sum(shapes) / self.length
+        height = 1.6 + WIDTH * 0.86 * sum(shapes) / self.length
         self.figure = Figure(figsize=(WIDTH, height), dpi=DOTS)
         self.canvas: Any = FigureCanvasAgg(self.figure)
         panels = self.figure.subplots(len(shapes), 1, sharex=True, squeeze=False, height_ratios=shapes)[:, 0]
@@ -50,14 +52,17 @@ class Scenery:
             self.grains.append(drawn)
         panels[0].axhline(0.0, color=BROWN, linewidth=6.0)
         panels[0].set_ylabel("height z (d)")
-        panels[-1].set_xlabel("along x (d)" + ("" if result.scene.cloud.boundary == "periodic" else ", about the median grain"))
+        where = f", a part of the box of {box[0]:.3g} d" if box[0] > WIDEST else ""
+        panels[-1].set_xlabel("along x (d)" + (where if result.scene.cloud.boundary == "periodic" else ", about the median grain"))
         if not self.flat:
             panels[1].set_ylabel("across y (d)")
         self.figure.colorbar(self.grains[0], ax=list(panels), location="bottom", aspect=50, pad=0.02, label="speed (u*)")
         self.title = self.figure.suptitle(" ")
 
     def show(self, places: Floats, speed: Floats, met: Floats, title: str) -> None:
-        """Grains at `places` (n, 3), d, with `speed` (n,), u*; `met` (n,): 1 just met, 0 not."""
+        """Grains at `places` (n, 3), d, with `speed` (n,), u*; `met` (n,): 1 just met, 0 not. Those outside are left out."""
+        seen = (np.abs(places[:, :2] - [0.5 * self.length, 0.5 * self.width]) <= [0.5 * self.length + 0.5, 0.5 * self.width + 0.5]).all(axis=1)
+        places, speed, met = places[seen], speed[seen], met[seen]
         order = [np.argsort(-places[:, 1]), np.argsort(places[:, 2])]  # what is nearer comes later
         for drawn, nearer, upright in zip(self.grains, order, (2, 1), strict=False):
             one = np.ones(len(nearer))
@@ -98,8 +103,8 @@ def animate(
     """Write a GIF of the cloud: every kept position a frame.
 
     The frame stands still: grains that leave the periodic box on one side come back on the other. Of an open cloud it has the size of the
-    first volume and goes with the median grain. Grains that met in the last quarter of a mean jump have a red rim. In either view those
-    that are nearer hide the others.
+    first volume and goes with the median grain. It is at most 30 d long and wide. Grains that met in the last quarter of a mean jump
+    have a red rim. In either view those that are nearer hide the others.
 
     Parameters
     ----------
@@ -139,6 +144,8 @@ def animate(
     )
     speed = np.linalg.norm(velocities, axis=2)
     present = np.isfinite(speed)
+    if not present[0].any():
+        raise ValueError(f"animate needs grains that still move, got none at {time[0]:g} d/u*")
     with rc_context(LOOK):
         scenery = Scenery(result, np.quantile(speed[present], (0.01, 0.99)), float(np.nanmax(places[:, :, 2])) + 0.6)
     met, glow = result.encounters, GLOW * jump_time(result)
@@ -150,10 +157,11 @@ def animate(
             if len(met):
                 recent = met[(met["time"] <= now) & (met["time"] > now - glow)]
                 marked[recent[["first", "second"]].to_numpy().ravel()] = 1.0
+            shown, owner = here, np.arange(len(here))
             if result.scene.cloud.boundary == "periodic":
                 shown, owner = folded(here, result.scene.box[: len(scenery.grains)])
-            else:
-                shown, owner = here - np.median(here, axis=0) * [1.0, 1.0, 0.0] + [0.5 * scenery.length, 0.5 * scenery.width, 0.0], np.arange(len(here))
+            elif len(here):
+                shown = here - np.median(here, axis=0) * [1.0, 1.0, 0.0] + [0.5 * scenery.length, 0.5 * scenery.width, 0.0]
             told = f"{present[k].sum()} grains at {now:.1f} d/u*, from the side{'' if scenery.flat else ' and from above'}; red rim: just met"
             scenery.show(shown, speed[k][present[k]][owner], marked[present[k]][owner], told)
             pictures.append(Image.fromarray(scenery.pixels()).quantize(palette=colours, dither=Image.Dither.NONE))

@@ -204,7 +204,7 @@ def snapshots(result: CloudResult) -> Figure:
         axes.set_axisbelow(True)
         axes.set_title("contact" if count == 0 else f"{count * step:+.2g} d/u*")
         axes.set_aspect("equal")
-    panels[0].set(xlim=(-1.65, 1.65), ylim=(centre[2] - 1.35, centre[2] + 1.2), ylabel="height z (d)")
+    panels[0].set(xlim=(-1.8, 1.8), ylim=(centre[2] - 1.35, centre[2] + 1.2), ylabel="height z (d)")
     panels[4].quiverkey(quiver, 0.93, 0.06, 1.0, "1 u*", labelpos="E", coordinates="figure")
     figure.supxlabel(f"along the line of centres in plan (d), {math.degrees(math.atan2(along[1], along[0])):+.0f}° from the stream", fontsize=10)
     parting = np.array([row[f"second_{name}_after"] - row[f"first_{name}_after"] for name in SPEEDS]) @ normal

@@ -253,6 +253,17 @@ def test_animation_has_the_frames_asked_for(tmp_path, boundary):
     assert [path.name for path in tmp_path.iterdir()] == ["x.gif"]
 
 
+def test_a_part_of_a_wide_box_is_animated():
+    """Grains stay round and large enough to be seen; those outside are not drawn."""
+    made = cloud(made=scene(cloud={"number": 450}))
+    assert made.scene.box[0] > 2.0 * animation.WIDEST
+    scenery = animation.Scenery(made, np.array([5.0, 7.0]), 2.5)
+    places = np.array([[1.0, 1.0, 1.0], [animation.WIDEST + 1.0, 1.0, 1.0], [1.0, animation.WIDEST + 1.0, 1.0]])
+    scenery.show(places, np.full(3, 6.0), np.zeros(3), "")
+    assert all(len(drawn.get_offsets()) == 1 for drawn in scenery.grains)
+    assert "part of the box of 71.1 d" in scenery.figure.axes[1].get_xlabel()
+
+
 def test_grains_over_the_edge_are_seen_at_both():
     places, owner = animation.folded(np.array([[10.2, -0.1, 1.0], [5.0, 4.0, 1.0]]), (10.0, 8.0))
     assert sorted(owner) == [0, 0, 0, 0, 1]
