@@ -125,6 +125,12 @@ class Parts(NamedTuple):
     coarse: Any  # the problem for a step that cannot be small enough: two contacts follow each other too closely
 
 
+@shared
+def index(number):
+    """One type for all numbers of grains: every function is compiled once."""
+    return np.int64(number)
+
+
 # The order of events
 
 
@@ -396,7 +402,7 @@ def seek(parts, world, crowd, heads, i, now, work, other):
     fitted = False
     for p in range(min(2 * long + 1, world.along)):
         for q in range(min(2 * wide + 1, world.across)):
-            j = np.int64(heads[((column - long + p) % world.along) * world.across + (row - wide + q) % world.across])
+            j = index(heads[((column - long + p) % world.along) * world.across + (row - wide + q) % world.across])
             while j >= 0:
                 if j != i:
                     begin, end = max(start, path[j, BEGIN]), min(best, crowd.clock[j], path[j, END])
@@ -408,12 +414,12 @@ def seek(parts, world, crowd, heads, i, now, work, other):
                         time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
                         if abs(time) < best:
                             best, chosen = abs(time), j if time >= 0.0 else np.int64(-1)
-                j = np.int64(crowd.link[j])
+                j = index(crowd.link[j])
     if chosen < 0:
-        set_event(world, crowd, i, best, np.int64(crowd.own[i]) if best == mine[END] else SEEK, -1)
+        set_event(world, crowd, i, best, index(crowd.own[i]) if best == mine[END] else SEEK, -1)
         return
     if crowd.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to seek again
-        set_event(world, crowd, np.int64(crowd.partner[chosen]), now, SEEK, -1)
+        set_event(world, crowd, index(crowd.partner[chosen]), now, SEEK, -1)
     set_event(world, crowd, i, best, ENCOUNTER, chosen)
     set_event(world, crowd, chosen, best, ENCOUNTER, i)
 
@@ -585,7 +591,7 @@ def cascading(world, crowd, grain, now):
 @shared
 def encounter(parts, world, crowd, samples, logs, i, now, jacobian, work):
     """Two grains meet: ACCEPTED or PILE_UP."""
-    j = np.int64(crowd.partner[i])
+    j = index(crowd.partner[i])
     for side in range(2):
         grain = i if side == 0 else j
         if cascading(world, crowd, grain, now):
@@ -614,7 +620,7 @@ def depart(world, crowd, heads, i):
 @shared
 def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, fitted):
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
-    now, kind = crowd.clock[i], np.int64(crowd.kind[i])
+    now, kind = crowd.clock[i], index(crowd.kind[i])
     if kind in (PLAN, AGAIN, ROUGH):
         code = plan(parts, world, crowd, heads, logs, i, jacobian, work)
         if code != ACCEPTED:
@@ -623,7 +629,7 @@ def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, r
                 depart(world, crowd, heads, i)
             return code
         if world is None:
-            set_event(world, crowd, i, crowd.path[i, END], np.int64(crowd.own[i]), -1)
+            set_event(world, crowd, i, crowd.path[i, END], index(crowd.own[i]), -1)
             return ACCEPTED
     if world is not None:
         if kind in (PLAN, AGAIN, ROUGH, SEEK):
@@ -660,7 +666,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
                     fitted = True
             return UNTIL
         while True:
-            grain = np.int64(crowd.heap[0])  # one type of index: every function is compiled once
+            grain = index(crowd.heap[0])
             if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
                 return UNTIL
             code = serve(parts, world, crowd, heads, samples, logs, grain, jacobian, work, other, record, False)
