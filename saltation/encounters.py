@@ -368,7 +368,7 @@ def meeting(model, world, crowd, i, j, one, two, start, end, rows):
         if gap <= touch and rate < 0.0:
             break
         pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
-        pause = max(pause, gap / speed, 1e-6 if rate >= 0.0 else 4e-16 * (1.0 + abs(time)))
+        pause = max(pause, gap / speed, 1e-5 if rate >= 0.0 else 4e-16 * (1.0 + abs(time)))
         if pause >= end - time:
             return math.inf
         earlier = time
@@ -443,13 +443,27 @@ def room_of(crowd, i, work):
 
 
 @shared
+def contact_in(bed, model, nodes, state, singular, account, i, work):
+    """θ of the first contact with the bed in the step that is in `work`, 2 if there is none."""
+    if bed is None:
+        return 2.0
+    d = 2 if model.across is None else 3
+    near = state.y[d - 1] < bed.highest
+    for k in range(len(nodes.c)):
+        near = near or work.states[k, d - 1] < bed.highest
+    if not near:
+        return 2.0
+    draws = uniforms(bed.seed, bed.grain + i, int(account[flight.IMPACTS]))
+    return flight.first_contact(model, bed, work.polynomial, state.y, singular, draws, state.numbers[TIME] == account[flight.START])
+
+
+@shared
 def plan(parts, world, crowd, heads, logs, i, jacobian, work):
     """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`.
 
     A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
     """
     model, nodes, problem = parts.model, parts.nodes, parts.problem
-    d = 2 if model.across is None else 3
     state, numbers, account, room = view(crowd, i, jacobian), crowd.numbers[i], crowd.flight[i], room_of(crowd, i, work)
     if numbers[TIME] - account[flight.START] > parts.limits.longest:
         return flight.ALOFT
@@ -473,15 +487,7 @@ def plan(parts, world, crowd, heads, logs, i, jacobian, work):
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
         flight.fit_polynomial(nodes, parts.rise, singular, h, crowd.values[i], work.polynomial)
-        contact = 2.0
-        if parts.bed is not None:
-            near = state.y[d - 1] < parts.bed.highest
-            for k in range(len(nodes.c)):
-                near = near or work.states[k, d - 1] < parts.bed.highest
-            if near:
-                draws = uniforms(parts.bed.seed, parts.bed.grain + i, int(account[flight.IMPACTS]))
-                fresh = numbers[TIME] == account[flight.START]
-                contact = flight.first_contact(model, parts.bed, work.polynomial, state.y, singular, draws, fresh)
+        contact = contact_in(parts.bed, model, nodes, state, singular, account, i, work)
         share = min(contact, 1.0)
         crowd.share[i] = share
         crowd.own[i] = STEP_END if contact > 1.0 else IMPACT
@@ -521,6 +527,16 @@ def cut_at(parts, crowd, samples, i, now, theta, jacobian, work):
 
 
 @shared
+def come_down(bed, parts, crowd, logs, i, state, work):
+    """Strike the bed: ACCEPTED or REST."""
+    if bed is None:
+        return ACCEPTED
+    own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
+    account = crowd.flight[i]
+    return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps, parts.prescribed)
+
+
+@shared
 def finish(parts, crowd, samples, logs, i, jacobian, work, record):
     """Take the step in hand to its own end: ACCEPTED or REST. Its polynomial is in `work`."""
     now, numbers = crowd.path[i, END], crowd.numbers[i]
@@ -537,12 +553,7 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
     crowd.flight[i, flight.DONE] = count[0]
     logs.owners[count[0]] = i
     count[0] += 1
-    bed = parts.bed
-    if bed is not None:
-        own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
-        account = crowd.flight[i]
-        return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps, parts.prescribed)
-    return ACCEPTED
+    return come_down(parts.bed, parts, crowd, logs, i, state, work)
 
 
 @shared
