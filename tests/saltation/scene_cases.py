@@ -140,3 +140,55 @@ def gauss(function: Callable[[np.ndarray], np.ndarray], low: float, high: float,
     x, w = np.polynomial.legendre.leggauss(points)
     root = 0.5 * np.sqrt(high - low) * (x + 1.0)
     return float(np.sum(0.5 * np.sqrt(high - low) * w * 2.0 * root * function(low + root**2)))
+
+
+def cloud_scene(number: int, duration: float, **changes: Any) -> Any:
+    """Weight and encounters alone, in still water without a bed: paths are parabolas. Duration in d/V."""
+    bare: dict[str, Any] = {"effects": ["weight", "encounters"], "history": None, "cloud": {"number": number, "concentration": 0.003}, "run": {"discard": 0}}
+    for name in ("channel", "bed"):
+        if name not in changes:
+            bare[name] = None
+    content = merged(bare, changes)
+    unit = scene("sand_cloud", **content).numbers.time
+    return scene("sand_cloud", **merged(content, {"run": {"duration": duration * unit}}))
+
+
+@contextlib.contextmanager
+def starting(places: Any, velocities: Any, spins: Any = None) -> Iterator[None]:
+    """Clouds set out from here: positions (d), velocities (V) and spins (V/d), (grain, 3)."""
+    arrays = [np.array(values, dtype=np.float64) for values in (places, velocities, np.zeros(np.shape(places)) if spins is None else spins)]
+    with mock.patch("saltation.cloud.starts", lambda engine: tuple(arrays)):
+        yield
+
+
+def fly_cloud(made: Any, places: Any, velocities: Any, spins: Any = None) -> Any:
+    """Run a cloud from given starts as plain Python."""
+    with interpreted(), starting(places, velocities, spins):
+        return saltation.run(made)
+
+
+def separations(result: Any) -> np.ndarray:
+    """Distances of all pairs at all stored times, of the nearest images, (time, pair)."""
+    path = result.trajectory
+    axes = [name for name in "xyz" if name in path]
+    one, two = np.triu_indices(path.sizes["grain"], 1)
+    square = np.zeros((path.sizes["time"], len(one)))
+    for axis, period in zip("xyz", result.scene.box, strict=True):
+        if axis in axes:
+            place = path[axis].to_numpy()
+            apart = place[:, two] - place[:, one]
+            if axis != "z" and result.scene.cloud.boundary == "periodic":
+                apart -= period * np.round(apart / period)
+            square += apart**2
+    return np.sqrt(square)
+
+
+def vectors(table: Any, *names: str) -> list[np.ndarray]:
+    """Columns of vectors of the table of encounters: "first" -> first_u, …; "first_spin" -> first_spin_x, …; "_after" stays behind."""
+    found = []
+    for name in names:
+        after = "_after" if name.endswith("_after") else ""
+        stem = name.removesuffix("_after")
+        axes = "uvw" if stem in ("first", "second") else "xyz"
+        found.append(table[[f"{stem}_{axis}{after}" for axis in axes]].to_numpy())
+    return found
