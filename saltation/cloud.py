@@ -32,6 +32,7 @@ from saltation.simulation import SLIDING, STATUS
 SMALLEST_CELL = 2.0  # d
 ROUNDS = 2000  # of placing grains that would overlap anew
 COARSE = 1e3  # tolerance of a step between contacts that follow each other too closely
+ROUNDED = 1.0 + 1e-12  # times this, a time is not before a multiple of the interval that is the same but for rounding
 BUFFER = 4096  # rows of jumps and of encounters between two visits of the caller
 
 
@@ -129,9 +130,9 @@ class Cloud:
                 tables.fill(float(numbers[grain, _march.STEP]), int(numbers[grain, _march.SLOT]), int(numbers[grain, _march.SINGULAR]))
                 continue
             if code == UNTIL:
-                encounters.flush(self.parts, self.crowd, samples, self.work, until)
+                encounters.flush(self.parts, self.crowd, samples, self.work, until * ROUNDED)
             elif code not in GOES_ON and self.world is not None:  # nobody is behind the grain that stopped the run
-                encounters.flush(self.parts, self.crowd, samples, self.work, float(self.crowd.clock[grain]))
+                encounters.flush(self.parts, self.crowd, samples, self.work, float(self.crowd.clock[grain]) * ROUNDED)
             yield code, grain
             if code not in GOES_ON:
                 return
@@ -185,7 +186,7 @@ class Part:
             return None
         times = (self.first + np.arange(len(self.samples.values))) * self.interval
         numbers = self.engine.numbers
-        done = times <= until * (1.0 + 1e-12)
+        done = times <= until * ROUNDED
         return path_dataset(times[done], self.samples.values[done], {"diameter": numbers.diameter, "velocity": numbers.velocity})
 
     def dataset(self, until: float) -> Any:
@@ -294,7 +295,7 @@ def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, outpu
     cloud = Cloud(engine)
     end, interval = scene.run.duration / engine.numbers.time, scene.cloud.interval
     count = max(1, PART // scene.cloud.number)  # samples of a part
-    every = math.floor(end / interval * (1.0 + 1e-12)) + 1
+    every = math.floor(end / interval * ROUNDED) + 1
     stretch = count * interval
     last = max(1, math.ceil(end / stretch * (1.0 - 1e-12)))
     known = origin(engine)
