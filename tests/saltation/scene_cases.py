@@ -142,6 +142,12 @@ def gauss(function: Callable[[np.ndarray], np.ndarray], low: float, high: float,
     return float(np.sum(0.5 * np.sqrt(high - low) * w * 2.0 * root * function(low + root**2)))
 
 
+def sand_cloud(duration: float, **changes: Any) -> Any:
+    """The shipped cloud for so many d/u*; with and without encounters these are the two forms of its loop that tests compile."""
+    unit = saltation.load("sand_cloud").numbers.time
+    return scene("sand_cloud", **merged(changes, {"run": {"duration": duration * unit, "discard": 0}}))
+
+
 def cloud_scene(number: int, duration: float, **changes: Any) -> Any:
     """Weight and encounters alone, in still water without a bed: paths are parabolas. Duration in d/V."""
     bare: dict[str, Any] = {"effects": ["weight", "encounters"], "history": None, "cloud": {"number": number, "concentration": 0.003}, "run": {"discard": 0}}

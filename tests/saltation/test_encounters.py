@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scene_cases import cloud_scene, fly_cloud, interpreted, merged, scene, separations, vectors
+from scene_cases import cloud_scene, fly_cloud, interpreted, sand_cloud, separations, vectors
 from scipy.spatial import cKDTree
 
 import saltation
@@ -192,27 +192,21 @@ def test_a_million_encounters_keep_momentum_and_gain_no_energy(equal):
 # Many grains, compiled: the two forms of the loop that these tests share
 
 
-def sand(duration, **changes):
-    """The shipped cloud for so many d/u*."""
-    unit = saltation.load("sand_cloud").numbers.time
-    return scene("sand_cloud", **merged(changes, {"run": {"duration": duration * unit, "discard": 0}}))
-
-
 @pytest.fixture(scope="module")
 def thin():
-    return saltation.run(sand(30.0, cloud={"interval": 0.01}))
+    return saltation.run(sand_cloud(30.0, cloud={"interval": 0.01}))
 
 
 @pytest.fixture(scope="module")
 def dense():
     """Ten percent of the volume are grains."""
-    return saltation.run(sand(3.0, cloud={"interval": 0.01, "number": 300, "concentration": 0.1}))
+    return saltation.run(sand_cloud(3.0, cloud={"interval": 0.01, "number": 300, "concentration": 0.1}))
 
 
 @pytest.fixture(scope="module")
 def crammed():
     """As many as may be asked for."""
-    return saltation.run(sand(1.0, cloud={"interval": 0.01, "number": 300, "concentration": 0.3}))
+    return saltation.run(sand_cloud(1.0, cloud={"interval": 0.01, "number": 300, "concentration": 0.3}))
 
 
 RUNS = pytest.mark.parametrize("name", ["thin", "dense", "crammed"])
@@ -279,7 +273,7 @@ def test_no_two_grains_ever_overlap(name, request):
 def test_without_the_search_they_would():
     """The same cloud that knows no encounters goes through itself."""
     effects = [name for name in saltation.load("sand_cloud").effects if name != "encounters"]
-    assert separations(saltation.run(sand(3.0, effects=effects, cloud={"interval": 0.01}))).min() < 0.9
+    assert separations(saltation.run(sand_cloud(3.0, effects=effects, cloud={"interval": 0.01}))).min() < 0.9
 
 
 @RUNS
