@@ -111,7 +111,8 @@ def _memory(scene: Any, engine: Engine) -> str:
 
 def left_out(scene: Any) -> list[str]:
     """What a run of the scene does not compute: no state, no memory, no time goes into it."""
-    missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names]
+    meaningless = {"encounters"} if scene.cloud is None else set()  # a single grain meets nobody
+    missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names and name not in meaningless]
     if not scene.turns:
         missing.append("spin (nothing reads it)")
     if scene.in_plane:

@@ -279,7 +279,7 @@ def test_a_run_that_cannot_go_on_says_so_and_keeps_what_it_has(tmp_path):
 def test_a_failed_run_has_exit_status_1(saved, monkeypatch):
     made = saltation.open(saved)
     made.status, made.message = "failed", "for the test"
-    monkeypatch.setattr(saltation, "run", lambda scene, progress: made)
+    monkeypatch.setattr(saltation, "run", lambda scene, progress, output: made)
     out = CliRunner().invoke(cli.main, ["run", "sand"])
     assert out.exit_code == 1
     assert "failed: for the test" in out.stdout
@@ -308,7 +308,7 @@ def test_the_schema_describes_every_field():
     out = CliRunner().invoke(cli.main, ["schema"])
     schema = json.loads(out.stdout)
     tables = {"scene": schema, **schema["$defs"]}
-    assert len(tables) == 8 + len(EFFECTS)
+    assert len(tables) == 9 + len(EFFECTS)
     for name, table in tables.items():
         assert table["type"] == "object"
         assert table["additionalProperties"] is False
