@@ -1,36 +1,35 @@
-"""Many scenes over any executor: one row per scene, the same bits on any number of workers; the thesis's 256 runs, judged."""
+"""Many scenes over any executor: one row per scene, the same bits on any number of workers; the thesis's runs, judged."""
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import math
-import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
-from multiprocessing.connection import Connection
+from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from basset import __version__, _validate
-from basset._compile import digest_of
+from basset import _validate
 from saltation import regressions, statistics
-from saltation._files import write
+from saltation._files import replacing, write
+from saltation._keys import hash_of, key_of, text_of
 from saltation.grain import GRAVITY
+from saltation.result import key_in, packed
 from saltation.scene import Scene, read, scene_of, shipped
 from saltation.simulation import run
+from saltation.workers import TURN, cores, processes
 
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "abs_deviation_angle")  # of the jumps that count; the last is |deviation_angle|
-COLUMNS = (*(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se")), "jumps", "status", "message", "clipped", "creeping")
+MEANS = tuple(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se"))
+COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency")
 CHUNK = 4000  # jumps that a worker gets at a time, about half a second
 DEAR = 50  # a jump at fixed steps costs about as many of the collocation's
+FLIGHT = 1.5  # d/u*, about that of a jump
 
 
 def campaign(
@@ -39,11 +38,11 @@ def campaign(
     *,
     progress: Callable[[float], None] | None = None,
     store: str | os.PathLike[str] | None = None,
+    results: str | os.PathLike[str] | None = None,
 ) -> pd.DataFrame:
-    """Run many scenes, one grain each.
+    """Run many scenes, of one grain or of many each.
 
-    A row depends on its scene alone: neither the kind and number of workers nor the order changes a bit of it. Paths are not
-    kept.
+    A row depends on its scene alone: neither the kind and number of workers nor the order changes a bit of it.
 
     Parameters
     ----------
@@ -51,26 +50,34 @@ def campaign(
         A dictionary holds labels, which become columns.
     executor : concurrent.futures.Executor, optional
         Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
-        afresh, so that a script that calls this needs its `if __name__ == "__main__":`.
+        afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
     progress : callable or None
         Called with the share that is done, 0 to 1.
     store : path, optional
         A folder, made if missing. Each finished scene is kept there as a file of its own, written whole or not at all; the
         same scenes with the same store go on where they were stopped, however that was. Files that cannot be read are ignored.
+    results : path, optional
+        A folder, made if missing, to which this process writes all that each run leaves as `<name>.nc`, for `saltation.open`;
+        `name` is a label, another one for each run. Without, paths are not kept; with, as run.trajectory says.
 
     Returns
     -------
     DataFrame, one row per scene in the order given
         The labels; mean, standard deviation (`_sd`) and standard error of the mean (`_se`) of height (d), length (d),
         velocity (u*), spin (u*/d), takeoff_angle (degree) and abs_deviation_angle (the absolute value, degree); jumps (how many
-        count); status and message as of `Result`; clipped and creeping, shares of those jumps. NaN where no jump counts.
+        count); status and message as of `Result`; clipped and creeping, shares of those jumps. NaN where no jump counts. For
+        many grains all this over the jumps of all, and bed_frequency and pair_frequency: impacts on the bed and encounters of
+        all grains per d/u*; NaN for a single grain.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no scene, and for a label called like a result.
+        For what is no scene, for a label called like a result, and with `results` for a name that is missing, no file name,
+        or given twice.
+    BrokenExecutor
+        If workers are killed again and again; what is finished is in the store.
     OSError
-        If the store cannot be written.
+        If the store or the results cannot be written.
 
     Examples
     --------
@@ -82,10 +89,13 @@ def campaign(
     [['a', 5, 'finished'], ['b', 5, 'finished']]
     """
     labels, wanted = zip(*pairs, strict=True) if (pairs := [_labelled(item) for item in scenes]) else ((), ())
+    if results is None:
+        wanted = tuple(scene.model_copy(update={"run": scene.run.model_copy(update={"trajectory": False})}) for scene in wanted)
     keys = [key_of(scene) for scene in wanted]
     pending = dict(zip(keys, wanted, strict=True))  # equal scenes run once
+    files = files_of(keys, labels, Path(results)) if results is not None else {key: [] for key in keys}
     kept = Store(store) if store is not None else None
-    rows = {key: row for key in pending if kept is not None and (row := kept.get(key)) is not None}
+    rows = {key: row for key in pending if kept is not None and (row := kept.get(key)) is not None and all(key_in(file) == key for file in files[key])}
     for key in rows:
         del pending[key]
 
@@ -94,11 +104,14 @@ def campaign(
             progress(len(rows) / max(1, len(rows) + len(pending)))
 
     report()
-    for chunk, found in _fly_all(chunks(pending), pending, executor):
-        for key, row in zip(chunk, found, strict=True):
+    for found in _fly_all(chunks(pending), pending, executor, results is not None):
+        for key, (row, whole) in found.items():
+            for file in files[key]:
+                with replacing(file) as name:
+                    Path(name).write_bytes(whole)
             rows[key] = row
             scene = pending.pop(key)
-            if kept is not None:
+            if kept is not None:  # last: a row says that its results are there
                 kept.put(key, scene, row)
         report()
     columns = [*dict.fromkeys(name for given in labels for name in given), *COLUMNS]
@@ -106,37 +119,53 @@ def campaign(
 
 
 def _labelled(item: Any) -> tuple[dict[str, Any], Any]:
-    """(labels, scene without its path) of one entry of a campaign."""
+    """(labels, scene) of one entry of a campaign."""
     labels, scene = item if isinstance(item, tuple) and len(item) == 2 else ({}, item)
     if not isinstance(scene, Scene) or not isinstance(labels, Mapping):
         raise TypeError(f"scenes must hold scenes or pairs (labels, scene), got {_validate.shown(item)}")
     for name in labels:
         if name in COLUMNS:
             raise ValueError(f"labels must not be called like a result, got {name!r}")
-    return dict(labels), scene.model_copy(update={"run": scene.run.model_copy(update={"trajectory": False})})
+    return dict(labels), scene
 
 
-def outcome(scene: Any) -> dict[str, Any]:
-    """What a campaign keeps of one scene: the row of its table, without labels."""
-    result = run(scene)
+def files_of(keys: Sequence[str], labels: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, list[Path]]:
+    """Where the results of each scene go."""
+    names = [str(given.get("name", "")) for given in labels]
+    for name in names:
+        if not name or name != Path(name).name or names.count(name) > 1:
+            raise ValueError(f"results need a label 'name' for each run, a file name that no other has, got {name!r}")
+    folder.mkdir(parents=True, exist_ok=True)
+    files: dict[str, list[Path]] = {key: [] for key in keys}
+    for key, name in zip(keys, names, strict=True):
+        files[key].append(folder / f"{name}.nc")
+    return files
+
+
+def outcome(result: Any) -> dict[str, Any]:
+    """What a campaign keeps of one run: the row of its table, without labels."""
     jumps = result.jumps.assign(abs_deviation_angle=lambda table: table["deviation_angle"].abs())
     row: dict[str, Any] = {}
     for name, values in statistics.summary(jumps, QUANTITIES).iterrows():
         row[f"{name}"], row[f"{name}_sd"], row[f"{name}_se"] = (float(values[key]) for key in ("mean", "standard_deviation", "standard_error"))
     shares = {name: float(result.provenance[name]) for name in ("clipped", "creeping")}
-    return {**row, "jumps": len(jumps), "status": result.status, "message": result.message, **shares}
+    often = result.frequencies() if result.scene.cloud is not None else {"bed": math.nan, "pairs": math.nan}
+    frequencies = {"bed_frequency": often["bed"], "pair_frequency": often["pairs"]}
+    return {**row, "jumps": len(jumps), "status": result.status, "message": result.message, **shares, **frequencies}
 
 
 # Workers
 
 
-def fly(texts: Sequence[str]) -> list[dict[str, Any]]:
-    """The rows of some scenes in JSON: what a worker is given."""
+def fly(texts: Mapping[str, str], whole: bool) -> dict[str, tuple[dict[str, Any], bytes]]:
+    """Rows, and all that the runs left if `whole`, of some scenes in JSON by their keys: what a worker is given."""
     with TURN:
-        return [outcome(scene_of(json.loads(text))) for text in texts]
+        return {key: _flown(key, run(scene_of(json.loads(text))), whole) for key, text in texts.items()}
 
 
-TURN = threading.Lock()  # grains of a process share tables that are filled as they fly: threads take turns
+def _flown(key: str, result: Any, whole: bool) -> tuple[dict[str, Any], bytes]:
+    """What goes back to the campaign."""
+    return outcome(result), packed(result, key) if whole else b""
 
 
 def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
@@ -148,7 +177,7 @@ def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
     forms: dict[Any, list[list[str]]] = {}
     room: dict[Any, float] = {}
     for key, scene in scenes.items():
-        form, cost = form_of(scene), CHUNK if scene.run.jumps is None else scene.run.jumps * (1 if scene.solver.method == "collocation" else DEAR)
+        form, cost = form_of(scene), cost_of(scene)
         if room.get(form, 0.0) < cost:
             forms.setdefault(form, []).append([])
             room[form] = CHUNK
@@ -158,109 +187,45 @@ def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
     return [handfuls[k] for k in range(longest) for handfuls in forms.values() if k < len(handfuls)]
 
 
+def cost_of(scene: Any) -> float:
+    """About how many jumps' worth of time a scene takes."""
+    if scene.cloud is not None:
+        return float(scene.cloud.number * scene.run.duration / scene.numbers.time / FLIGHT)
+    if scene.run.jumps is None:
+        return CHUNK
+    return float(scene.run.jumps * (1 if scene.solver.method == "collocation" else DEAR))
+
+
 def form_of(scene: Any) -> Any:
     """What is compiled for a scene: words choose types, numbers are data."""
     words = tuple(tuple(value for _, value in scene.options(name) if isinstance(value, str)) for name in scene.names)
     bed = (scene.bed.rebound, scene.bed.roughness) if scene.bed is not None else None
-    return scene.names, words, scene.in_plane, scene.channel is None, bed, scene.solver.method
+    return scene.names, words, scene.in_plane, scene.channel is None, scene.cloud is None, bed, scene.solver.method
 
 
-def _fly_all(handfuls: list[list[str]], scenes: Mapping[str, Any], executor: Executor | None) -> Iterator[tuple[list[str], list[dict[str, Any]]]]:
-    """(keys, rows) as they come."""
-    texts = {key: text_of(scene) for key, scene in scenes.items()}
-    workers = min(len(handfuls), cores())
+def _fly_all(handfuls: list[list[str]], scenes: Mapping[str, Any], executor: Executor | None, whole: bool) -> Iterator[dict[str, tuple[dict[str, Any], bytes]]]:
+    """What `fly` makes of every handful, as it comes."""
+    tasks = [{key: text_of(scenes[key]) for key in handful} for handful in handfuls]
+    workers = min(len(tasks), cores())
     if executor is None and workers < 2:  # not worth a process
-        for handful in handfuls:
-            yield handful, fly([texts[key] for key in handful])
+        for task in tasks:
+            yield fly(task, whole)
         return
     with processes(workers) if executor is None else contextlib.nullcontext(executor) as pool:
-        futures: dict[Future[Any], list[str]] = {}
+        futures: set[Future[Any]] = set()
         try:
-            for handful in handfuls:
-                futures[pool.submit(fly, [texts[key] for key in handful])] = handful
+            for task in tasks:
+                futures.add(pool.submit(fly, task, whole))
             for future in as_completed(futures):
-                yield futures[future], future.result()
+                futures.remove(future)  # and with it what it holds
+                yield future.result()
         except BaseException:
             for future in futures:
                 future.cancel()
             raise
 
 
-def cores() -> int:
-    """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextlib.contextmanager
-def processes(workers: int | None = None) -> Iterator[Executor]:
-    """Processes for a campaign that end with it: at an error, an interrupt, or when this process is killed.
-
-    Parameters
-    ----------
-    workers : int, optional
-        How many; default all cores.
-    """
-    context = multiprocessing.get_context("spawn")
-    reader, writer = context.Pipe(duplex=False)
-    count = workers or cores()
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_obey, initargs=(reader,))
-    try:
-        with _deaf():  # what starts deaf to interrupts stays so, from its first line on
-            for _ in range(count):
-                pool.submit(os.getpid)
-        yield pool
-    except BaseException:
-        writer.close()
-        raise
-    finally:
-        with _deaf():  # impatience would leave workers that are just starting without their queues
-            pool.shutdown(cancel_futures=True)
-        writer.close()
-        reader.close()
-
-
-@contextlib.contextmanager
-def _deaf() -> Iterator[None]:
-    """Interrupts are ignored; where signals cannot be set (not the main thread) nothing happens."""
-    try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    except ValueError:
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _obey(leash: Connection) -> None:
-    """In a worker: leave interrupts to the parent, and end when the parent lets go of the other end of `leash`, or dies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def wait() -> None:
-        with contextlib.suppress(EOFError, OSError):
-            leash.recv()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
 # The store
-
-
-def text_of(scene: Any) -> str:
-    """A scene as JSON; floats come back bit for bit."""
-    text: str = scene.model_dump_json(exclude_none=True)
-    return text
-
-
-def key_of(scene: Any) -> str:
-    """The name of a scene's row: another scene, version or state of the code is another name."""
-    return _hash(__version__, digest_of("saltation"), text_of(scene))
-
-
-def _hash(*parts: str) -> str:
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 class Store:
@@ -281,14 +246,14 @@ class Store:
         try:
             content = json.loads((self.path / f"{key}.json").read_text(encoding="utf-8"))
             row: dict[str, Any] = content["row"]
-            whole = content["check"] == _hash(key, json.dumps(row)) and set(row) == set(COLUMNS)
+            whole = content["check"] == hash_of(key, json.dumps(row)) and set(row) == set(COLUMNS)
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return row if whole else None
 
     def put(self, key: str, scene: Any, row: dict[str, Any]) -> None:
         """Keep a row; floats are written so that they come back bit for bit."""
-        content = {"scene": json.loads(text_of(scene)), "row": row, "check": _hash(key, json.dumps(row))}
+        content = {"scene": json.loads(text_of(scene)), "row": row, "check": hash_of(key, json.dumps(row))}
         write(self.path / f"{key}.json", json.dumps(content, indent=1) + "\n")
 
 
@@ -331,6 +296,41 @@ def thesis() -> list[tuple[dict[str, Any], Any]]:
                     scene = scene_of({**base, **model, "channel": {**base["channel"], "transport_stage": stage}})
                     labels = {"run": letter, "set": number, "particle_reynolds": reynolds, "stage": stage, "restitution": restitution, "f": friction}
                     result.append(({**labels, "f_is": "retention" if letter == "A" else "Coulomb"}, scene))
+    return result
+
+
+CONCENTRATIONS = {0.0013: 15, 0.0233: 45}  # Table 4-1: C_p; the number of grains is not printed and is that of the scene
+REYNOLDS = (73.0, 250.0)
+STAGES_OF_GRAINS = (2.0, 2.5, 3.0)
+LASTING = 500.0  # d/u*
+
+
+def grains() -> list[tuple[dict[str, Any], Any]]:
+    """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each.
+
+    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same
+    places and meet the same random numbers at the same impact of the same grain, in units of their box.
+
+    Returns
+    -------
+    list of (labels, Scene)
+        Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
+    """
+    result = []
+    for concentration, number in CONCENTRATIONS.items():
+        for reynolds in REYNOLDS:
+            base = read(shipped()["sand_cloud"])
+            base["grain"]["diameter"] = diameter_of(reynolds, scene_of(base))
+            base["cloud"] |= {"number": number, "concentration": concentration}
+            for stage in STAGES_OF_GRAINS:
+                base["channel"]["transport_stage"] = stage
+                base["run"]["duration"] = LASTING * scene_of(base).numbers.time
+                for meeting in (True, False):
+                    content = {key: value for key, value in base.items() if meeting or key != "encounters"}
+                    content["effects"] = [name for name in base["effects"] if meeting or name != "encounters"]
+                    labels = {"concentration": concentration, "particle_reynolds": reynolds, "stage": stage, "encounters": meeting}
+                    name = f"C{100.0 * concentration:g}_R{reynolds:g}_T{stage:g}_{'with' if meeting else 'without'}"
+                    result.append(({"name": name} | labels, scene_of(content)))
     return result
 
 

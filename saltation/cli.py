@@ -14,7 +14,7 @@ import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from pathlib import Path
 from typing import IO, Any
 
@@ -26,20 +26,20 @@ from rich.table import Table
 
 import saltation
 from basset import __version__, _validate
-from saltation import campaigns, checks, statistics
+from saltation import campaigns, checks, grains, statistics
 from saltation._files import write
 from saltation.result import UNITS, Result
 from saltation.scene import Scene, SceneError, read, scene_of, shipped
+from saltation.workers import processes
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
 WIDTH = 160  # of tables that go to a file or a pipe
-OWN = {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")} | {
-    "dimensions",
-    "grain.diameter",
-    "channel.transport_stage",
-    "channel.shear_velocity",
-    "rotation.law",
-}  # what the thesis's runs differ in
+SERIES = {"thesis": campaigns.thesis, "grains": campaigns.grains}
+STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
+OWN = {  # what the thesis's runs differ in
+    "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
+    "grains": STREAM | {"effects", "cloud.number", "cloud.concentration", "run.duration"},
+}
 
 
 class Mistake(click.ClickException):
@@ -213,7 +213,7 @@ def scenes() -> None:
 
 
 @main.command()
-@click.argument("what", nargs=-1, required=True, metavar="thesis|SCENE...")
+@click.argument("what", nargs=-1, required=True, metavar="thesis|grains|SCENE...")
 @click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder of the tables and of what is finished.")
 @SET
 @click.option("--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; several: all combinations.")
@@ -231,9 +231,10 @@ def campaign(
     reference: Path | None,
     reference_reynolds: float,
 ) -> None:
-    """Run many scenes and rank them: the thesis's 256, or your own files.
+    """Run many scenes: the thesis's 256 and rank them, its 24 of many grains and compare them, or your own files.
 
-    What is finished is kept in the output folder: stopped in any way, the same command goes on from there.
+    What is finished is kept in the output folder: stopped in any way, the same command goes on from there. `grains` also keeps all
+    that each run leaves, in the folder `runs`.
     """
     if workers is not None and workers < 1:
         raise Mistake(f"--workers must be a whole number, 1 or greater, got {workers}")
@@ -246,14 +247,24 @@ def campaign(
     with stoppable(output), executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
         columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
         with progress("campaign", *columns, total=len(runs)) as report:
-            table = campaigns.campaign(runs, executor, progress=report, store=output / "store")
+            try:
+                results = output / "runs" if what[0] == "grains" else None
+                table = campaigns.campaign(runs, executor, progress=report, store=output / "store", results=results)
+            except BrokenExecutor as error:
+                raise click.ClickException(f"{error}: what is finished is kept in {str(output)!r}, the same command goes on from there") from None
         write(output / "table.csv", table.to_csv(index=False))
     out = console()
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     out.print(f"{len(table)} scenes: {counts}")
-    if "thesis" not in what:
+    if what[0] != "thesis":
         print_means(out, table)
-    if not table["stage"].isna().any():
+    if what[0] == "grains":
+        with mistakes_of_files("--output"):
+            tables = grains.analyses(table, lambda name: saltation.open(output / "runs" / f"{name}.nc"))
+            for name, found in tables.items():
+                write(output / f"{name}.csv", found.to_csv(index=False))
+        print_grains(out, tables)
+    elif not table["stage"].isna().any():
         try:
             ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
         except ValueError as error:
@@ -408,11 +419,14 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
     """(labelled scenes, the labels that make a model)."""
     axes = [axis_of(text) for text in varied]
     fields = [".".join(names) for names, _ in axes]
-    if what[0] == "thesis" and len(what) == 1:
+    series = what[0] if len(what) == 1 and what[0] in SERIES else None
+    if series is not None:
+        if series == "grains" and axes:
+            raise Mistake("--vary is not for grains: give --set, and a folder for each value")
         for option, field in [("--set", change.partition("=")[0].strip()) for change in changes] + [("--vary", field) for field in fields]:
-            if field in OWN:
+            if field in OWN[series]:
                 raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
-        base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in campaigns.thesis()]
+        base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in SERIES[series]()]
         models = list(campaigns.MODEL)
     else:
         stems = [Path(name).stem for name in what]
@@ -458,7 +472,7 @@ def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor
         with client:
             yield client.get_executor()
     elif workers is not None:
-        with campaigns.processes(workers) as pool:
+        with processes(workers) as pool:
             yield pool
     else:
         yield None
@@ -515,12 +529,47 @@ def print_summary(out: Console, summary: pd.DataFrame) -> None:
 
 def print_means(out: Console, table: pd.DataFrame) -> None:
     """One line per scene."""
-    labels = [name for name in table if name not in campaigns.COLUMNS]
-    shown = Table(*labels, "height", "length", "velocity", "jumps", "status", box=None)
+    labels = [name for name in table if name not in (*campaigns.COLUMNS, "name")]
+    often = [name for name in ("bed_frequency", "pair_frequency") if table[name].notna().any()]
+    shown = Table(*labels, "height", "length", "velocity", *(name.replace("_", " ") for name in often), "jumps", "status", box=None)
     for _, row in table.iterrows():
         means = (f"{row[name]:.4g} ± {row[f'{name}_se']:.2g}" for name in statistics.VARIABLES)
-        shown.add_row(*(_short(row[name]) for name in labels), *means, str(row["jumps"]), row["status"])
+        shown.add_row(*(_short(row[name]) for name in labels), *means, *(_short(row[name]) for name in often), str(row["jumps"]), row["status"])
     out.print(shown)
+
+
+def print_grains(out: Console, tables: dict[str, pd.DataFrame]) -> None:
+    """Table 4-2, what encounters change of the jumps, and the exponents of the run that the thesis draws, printed ones in brackets."""
+    head = ["C_p", "R_p", "T"]
+    shown = Table(*head, "F_pp", "F_pb", "F_pb/F_pp", title="encounters and impacts on the bed per d/u* (Table 4-2)", title_justify="left", box=None)
+    for _, row in tables["table_4_2"].iterrows():
+        shown.add_row(*_run(row), *(_beside(row[name], row[f"{name}_printed"]) for name in ("pair_frequency", "bed_frequency", "ratio")))
+    out.print(shown)
+    title = "difference that encounters make; its p by blocks of jumps within grains and by the rank-sum test (figs 4-10 to 4-12)"
+    shown = Table(*head, "height", "p blocks", "p ranks", "length", "p blocks", "p ranks", title=title, title_justify="left", box=None)
+    for _, both in tables["comparison"].groupby(grains.RUN, sort=False):
+        rows = [both[both["quantity"] == name].iloc[0] for name in ("height", "length")]
+        found = [(f"{row['difference']:+.2g} ± {row['standard_error']:.2g}", f"{row['p_bootstrap']:.2g}", f"{row['p_wilcoxon']:.2g}") for row in rows]
+        shown.add_row(*_run(both.iloc[0]), *found[0], *found[1])
+    out.print(shown)
+    title = "γ of ⟨X'²⟩ and ⟨Y'²⟩, 95 % intervals (figs 4-17 and 4-18)"
+    shown = Table("axis", "encounters", "ensemble", *grains.RANGES, title=title, title_justify="left", box=None)
+    every = tables["exponents"]
+    if every.empty:
+        return
+    drawn = every[every["printed"].notna().groupby([every[name] for name in grains.RUN]).transform("any")]
+    for (axis, meeting, ensemble), rows in drawn.groupby(["axis", "encounters", "ensemble"], sort=False):
+        cells = [_beside(row["gamma"], row["printed"]) + f" {row['lower']:.2f} to {row['upper']:.2f}" for _, row in rows.iterrows()]
+        shown.add_row(axis, "with" if meeting else "without", ensemble, *cells)
+    out.print(shown)
+
+
+def _run(row: pd.Series) -> tuple[str, ...]:
+    return f"{row['concentration']:.2%}", _short(row["particle_reynolds"]), _short(row["stage"])
+
+
+def _beside(value: float, printed: float) -> str:
+    return f"{value:.3g}" + (f" ({printed:g})" if pd.notna(printed) else "")
 
 
 def print_ranking(out: Console, ranking: pd.DataFrame) -> None:

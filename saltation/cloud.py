@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,24 +15,26 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from basset import __version__
-from basset._compile import digest_of
 from basset.kernels import Floats
 from basset.solvers import _march
 from saltation import encounters, flight
 from saltation._files import replacing, write
-from saltation.cloud_result import CloudResult, encounter_table, open_folder, ordered, path_dataset, tables_to_dataset
+from saltation._keys import key_of, text_of
+from saltation.campaigns import CHUNK, cost_of
+from saltation.cloud_result import CloudResult, encounter_table, fate_table, open_folder, ordered, path_dataset, tables_to_dataset
 from saltation.encounters import PILE_UP, UNTIL, empty_crowd
 from saltation.engine import DEFAULT_FIRST, Engine, Start, room
 from saltation.flow import both
-from saltation.result import origin, table_of
-from saltation.scene import SceneError
+from saltation.result import origin, packed, table_of, unpacked
+from saltation.scene import SceneError, scene_of
 from saltation.simulation import SLIDING, STATUS
+from saltation.workers import TURN
 
 SMALLEST_CELL = 2.0  # d
 ROUNDS = 2000  # of placing grains that would overlap anew
 COARSE = 1e3  # tolerance of a step between contacts that follow each other too closely
 ROUNDED = 1.0 + 1e-12  # times this, a time is not before a multiple of the interval that is the same but for rounding
+BLOCKS = 128  # of grains that do not meet, at most
 BUFFER = 4096  # rows of jumps and of encounters between two visits of the caller
 
 
@@ -156,11 +158,11 @@ MESSAGES = STATUS | {
 class Part:
     """What one stretch of a run leaves."""
 
-    def __init__(self, engine: Engine, first: int, count: int) -> None:
-        self.engine, self.first = engine, first
+    def __init__(self, engine: Engine, grains: range, first: int, count: int) -> None:
+        self.engine, self.grains, self.first = engine, grains, first
         scene = engine.scene
         self.interval = scene.cloud.interval
-        shape = (count if scene.run.trajectory else 0, scene.cloud.number, 2 * engine.dimensions)
+        shape = (count if scene.run.trajectory else 0, len(grains), 2 * engine.dimensions)
         self.samples = encounters.Samples(self.interval, np.array([first]), np.full(shape, np.nan))
         self.owners: list[Floats] = []
         self.jumps: list[Floats] = []
@@ -169,7 +171,7 @@ class Part:
     def empty(self, logs: encounters.Logs) -> None:
         """Take what is in the logs."""
         jumps, met = logs.count[:2]
-        self.owners.append(logs.owners[:jumps].copy())
+        self.owners.append(logs.owners[:jumps] + np.int32(self.grains.start))
         self.jumps.append(logs.jumps[:jumps].copy())
         self.met.append(logs.encounters[:met].copy())
         logs.count[:2] = 0
@@ -187,7 +189,8 @@ class Part:
         times = (self.first + np.arange(len(self.samples.values))) * self.interval
         numbers = self.engine.numbers
         done = times <= until * ROUNDED
-        return path_dataset(times[done], self.samples.values[done], {"diameter": numbers.diameter, "velocity": numbers.velocity})
+        path = path_dataset(times[done], self.samples.values[done], {"diameter": numbers.diameter, "velocity": numbers.velocity})
+        return path.assign_coords(grain=path["grain"] + np.int32(self.grains.start))
 
     def dataset(self, until: float) -> Any:
         """All of it."""
@@ -217,8 +220,7 @@ class Folder:
 
     def __init__(self, path: str | os.PathLike[str], scene: Any) -> None:
         self.path, self.scene = Path(path), scene
-        text = scene.model_dump_json(exclude_none=True)
-        self.key = hashlib.sha256("\n".join((__version__, digest_of("saltation"), text)).encode()).hexdigest()
+        self.key = key_of(scene)
         self.path.mkdir(parents=True, exist_ok=True)
         for stray in self.path.glob(".*.nc.*"):  # of a run that was killed while it wrote
             stray.unlink(missing_ok=True)
@@ -238,7 +240,7 @@ class Folder:
     def tell(self, told: Told, known: dict[str, Any]) -> None:
         """Write run.json."""
         content = {"key": self.key} | told._asdict() | {"provenance": known}
-        write(self.path / "run.json", json.dumps(content | {"scene": json.loads(self.scene.model_dump_json(exclude_none=True))}, indent=1) + "\n")
+        write(self.path / "run.json", json.dumps(content | {"scene": json.loads(text_of(self.scene))}, indent=1) + "\n")
 
     def put(self, number: int, dataset: Any) -> None:
         """Write a part."""
@@ -274,7 +276,7 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
             if code in (flight.REST, flight.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == flight.ALOFT else "creeping" if slides else "at rest"
-                fates.append([grain, float(cloud.crowd.numbers[grain, _march.TIME]), fate])
+                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, _march.TIME]), fate])
         if code != UNTIL:
             return code, float(cloud.crowd.clock[grain]) if cloud.world is not None else clock, grain
         clock = until
@@ -289,10 +291,48 @@ def note(cloud: Cloud, known: dict[str, Any]) -> None:
         known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
 
 
-def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None) -> CloudResult:
-    """Simulate many grains; as `saltation.run`."""
+def fly_block(text: str, first: int, last: int) -> bytes:
+    """Some grains of a scene in JSON, packed: what a worker is given."""
+    with TURN:
+        return packed(run_cloud(scene_of(json.loads(text)), grains=range(first, last)), "")
+
+
+def run_blocks(scene: Any, executor: Executor, progress: Callable[[float], None] | None) -> CloudResult:
+    """Simulate many grains over an executor, in blocks if they do not meet; the bits are those of one piece."""
+    number, text = scene.cloud.number, text_of(scene)
+    block = number if "encounters" in scene.names else math.ceil(number / min(BLOCKS, math.ceil(cost_of(scene) / CHUNK)))
+    futures = {executor.submit(fly_block, text, first, min(number, first + block)): first for first in range(0, number, block)}
+    found: dict[int, CloudResult] = {}
+    try:
+        for future in as_completed(futures):
+            found[futures[future]] = unpacked(future.result())
+            if progress is not None:
+                progress(len(found) / len(futures))
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    parts = [found[first] for first in sorted(found)]
+    if len(parts) == 1:
+        return parts[0]
+    if any(part.status != "finished" for part in parts):
+        return run_cloud(scene, progress)  # the run ends where its first grain fails: in one piece
+    jumps = pd.concat([part.all_jumps for part in parts], ignore_index=True)
+    fates = [row for part in parts for row in part.fates[["grain", "time", "fate"]].to_numpy().tolist()]
+    path = xr.concat([part.trajectory for part in parts], "grain", data_vars="all") if scene.run.trajectory else None
+    whole = parts[0]
+    return CloudResult(scene, jumps, whole.encounters, fate_table(fates), whole.status, whole.message, whole.provenance, whole.time, path)
+
+
+def run_cloud(
+    scene: Any,
+    progress: Callable[[float], None] | None = None,
+    output: str | os.PathLike[str] | None = None,
+    grains: range | None = None,
+) -> CloudResult:
+    """Simulate many grains, or without encounters some of them; as `saltation.run`."""
     engine = Engine(scene)
-    cloud = Cloud(engine)
+    cloud = Cloud(engine, grains)
     end, interval = scene.run.duration / engine.numbers.time, scene.cloud.interval
     count = max(1, PART // scene.cloud.number)  # samples of a part
     every = math.floor(end / interval * ROUNDED) + 1
@@ -315,11 +355,11 @@ def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, outpu
     parts: list[Part] = []
     while told.status == STOPPED[0]:
         k = told.parts
-        part = Part(engine, k * count, max(0, min(count, every - k * count)))
+        part = Part(engine, cloud.grains, k * count, max(0, min(count, every - k * count)))
         code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), told.fates, report)
         note(cloud, known)
         status, message = MESSAGES[code] if code != UNTIL or k + 1 == last else STOPPED
-        told = Told(k + 1, reached, status, message if code == UNTIL else f"grain {grain}: {message}", told.fates)
+        told = Told(k + 1, reached, status, message if code == UNTIL else f"grain {cloud.grains.start + grain}: {message}", told.fates)
         if folder is None:
             parts.append(part)
         else:
@@ -333,5 +373,4 @@ def run_cloud(scene: Any, progress: Callable[[float], None] | None = None, outpu
     met = pd.concat([met for _, met in tables], ignore_index=True)
     paths = [path for part in parts if (path := part.path(told.time)) is not None]
     path = xr.concat(paths, "time", data_vars="all") if paths else None
-    left = pd.DataFrame(told.fates, columns=["grain", "time", "fate"])
-    return CloudResult(scene, jumps, met, left, told.status, told.message, known, told.time, path)
+    return CloudResult(scene, jumps, met, fate_table(told.fates), told.status, told.message, known, told.time, path)

@@ -51,7 +51,7 @@ class CloudResult:
         to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
         more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first.
     fates : DataFrame
-        Grains that left the run before its end: grain, time, fate (at rest, creeping, aloft).
+        Grains that left the run before its end, in the order of time: grain, time, fate (at rest, creeping, aloft).
     status, message : str
         finished, pile-up, failed, or unfinished (a run that was stopped and can go on); and why.
     provenance : dict
@@ -205,6 +205,11 @@ def path_dataset(times: Floats, values: Floats, attributes: dict[str, Any]) -> x
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
 
 
+def fate_table(rows: list[list[Any]]) -> pd.DataFrame:
+    """The table of fates from what a run notes."""
+    return pd.DataFrame(sorted(rows, key=lambda row: (row[1], row[0])), columns=["grain", "time", "fate"])
+
+
 def ordered(jumps: pd.DataFrame) -> pd.DataFrame:
     """Jumps by grain and time."""
     return jumps.sort_values(["grain", "start"], kind="stable", ignore_index=True)
@@ -230,5 +235,5 @@ def open_folder(folder: Path) -> CloudResult:
             jumps.append(table_in(opened, "jump"))
             met.append(table_in(opened, "encounter"))
     whole = ordered(pd.concat(jumps, ignore_index=True))
-    fates = pd.DataFrame(told["fates"], columns=["grain", "time", "fate"])
+    fates = fate_table(told["fates"])
     return CloudResult(scene, whole, pd.concat(met, ignore_index=True), fates, told["status"], told["message"], told["provenance"], told["time"], None, parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -248,7 +249,7 @@ def open_result(path: str | os.PathLike[str]) -> Any:
     ValueError
         If it is not one.
     """
-    from saltation.cloud_result import CloudResult, open_folder
+    from saltation.cloud_result import open_folder
 
     if Path(path).is_dir():
         return open_folder(Path(path))
@@ -259,6 +260,33 @@ def open_result(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"{os.fspath(path)!r} is no saltation result: it is no netCDF 3 file") from None
     if "scene" not in whole.attrs:
         raise ValueError(f"{os.fspath(path)!r} is no saltation result: it has no scene")
+    return result_of(whole)
+
+
+def packed(result: Any, key: str) -> bytes:
+    """A result as the content of a file that can be opened, with the name of its scene for `key_in`."""
+    return bytes(result.dataset().assign_attrs(key=key).to_netcdf(engine="scipy"))
+
+
+def unpacked(content: bytes) -> Any:
+    """The result that was packed."""
+    with xr.open_dataset(io.BytesIO(content), engine="scipy") as opened:
+        return result_of(opened.load())
+
+
+def key_in(path: Path) -> Any:
+    """The key that a packed result in a file has; None if there is none."""
+    try:
+        with xr.open_dataset(path, engine="scipy") as opened:
+            return opened.attrs.get("key")
+    except (OSError, TypeError, ValueError):
+        return None
+
+
+def result_of(whole: xr.Dataset) -> Any:
+    """The result whose `dataset` it is."""
+    from saltation.cloud_result import CloudResult
+
     scene = scene_of(json.loads(whole.attrs["scene"]))
     if scene.cloud is not None:
         return CloudResult.of_dataset(scene, whole)

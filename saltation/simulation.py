@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ STATUS = {
 }
 
 
-def run(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None) -> Any:
+def run(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None, executor: Executor | None = None) -> Any:
     """Simulate a scene.
 
     Parameters
@@ -40,6 +41,9 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     output : path, optional
         For a [cloud] only: a folder, made if missing, to which the run writes numbered parts as it goes, so that its memory does
         not grow. Stopped in any way, the same call goes on from the last part and comes to the same bits.
+    executor : concurrent.futures.Executor, optional
+        For a [cloud] only, and without output: grains that do not meet fly in blocks over its workers, grains that do as one
+        task; the same bits as here.
 
     Returns
     -------
@@ -49,7 +53,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     Raises
     ------
     ValueError
-        For an output without a [cloud]; SceneError for an output that holds something else.
+        For an output or an executor without a [cloud], and for both; SceneError for an output that holds something else.
 
     Examples
     --------
@@ -59,9 +63,15 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     ('finished', 5)
     """
     if scene.cloud is not None:
-        from saltation.cloud import run_cloud
+        from saltation.cloud import run_blocks, run_cloud
 
-        return run_cloud(scene, progress, output)
+        if executor is None:
+            return run_cloud(scene, progress, output)
+        if output is not None:
+            raise ValueError("give either an output or an executor: blocks of grains have no parts in common")
+        return run_blocks(scene, executor, progress)
+    if executor is not None:
+        raise ValueError("executor is for scenes with a [cloud]: many scenes of a single grain are a campaign")
     if output is not None:
         raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
     if scene.solver.method != "collocation":

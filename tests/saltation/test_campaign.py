@@ -6,18 +6,24 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
 import saltation
-from saltation import campaigns, regressions, statistics
-from saltation.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, key_of, processes, thesis
+from saltation import _keys, campaigns, cli, regressions, statistics
+from saltation._keys import key_of
+from saltation.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
+from saltation.cloud import run_cloud
+from saltation.result import unpacked
 from saltation.scene import read, scene_of
+from saltation.workers import Processes, cores, processes
 
 
 def sand(stage: float = 1.87, seed: int = 1, jumps: int = 60):
@@ -62,7 +68,7 @@ def test_the_same_rows_in_any_order(few, table, monkeypatch):
 
 def test_the_default_executor(few, table):
     same(campaign(few), table)
-    assert campaigns.cores() >= 1
+    assert cores() >= 1
 
 
 def test_a_row_is_what_a_run_says(few, table):
@@ -82,9 +88,9 @@ def test_equal_scenes_run_once_and_labels_are_the_caller_s():
     calls = []
 
     class Counting(ThreadPoolExecutor):
-        def submit(self, function, texts):
+        def submit(self, function, texts, whole):
             calls.extend(texts)
-            return super().submit(function, texts)
+            return super().submit(function, texts, whole)
 
     with Counting(1) as executor:
         found = campaign([({"a": 1}, sand(jumps=30)), ({"b": 2}, sand(jumps=30)), sand(jumps=30)], executor)
@@ -161,9 +167,9 @@ def test_a_complete_store_needs_no_worker(few, table, tmp_path):
 
 def test_another_scene_version_or_code_is_another_key(monkeypatch):
     keys = {key_of(sand()), key_of(sand(seed=2)), key_of(sand(stage=1.87 + 1e-15))}
-    monkeypatch.setattr(campaigns, "__version__", "0.0.0")
+    monkeypatch.setattr(_keys, "__version__", "0.0.0")
     keys.add(key_of(sand()))
-    monkeypatch.setattr(campaigns, "digest_of", lambda package: "another")
+    monkeypatch.setattr(_keys, "digest_of", lambda package: "another")
     keys.add(key_of(sand()))
     assert len(keys) == 5
 
@@ -181,7 +187,7 @@ def test_an_error_keeps_what_is_finished(few, tmp_path, monkeypatch):
     monkeypatch.setattr(campaigns, "CHUNK", 60)
     broken = few[3][1]
     true = campaigns.outcome
-    monkeypatch.setattr(campaigns, "outcome", lambda scene: true(scene) if key_of(scene) != key_of(campaigns._labelled(broken)[1]) else 1 / 0)
+    monkeypatch.setattr(campaigns, "outcome", lambda result: 1 / 0 if (result.scene.channel, result.scene.run.seed) == (broken.channel, 1) else true(result))
     with ThreadPoolExecutor(1) as executor, pytest.raises(ZeroDivisionError):
         campaign(few, executor, store=tmp_path)
     kept = len(list(tmp_path.iterdir()))
@@ -231,11 +237,270 @@ def test_a_stopped_campaign_continues_to_the_same_table(tmp_path, how):
     assert (done.returncode, done.stderr) == (0, "")
     undisturbed = campaign([sand(seed=seed, jumps=2100) for seed in range(1, 9)], ThreadPoolExecutor(1))
     table = pd.read_csv(tmp_path / "stopped" / "table.csv")
-    for name in COLUMNS:
-        assert table[name].tolist() == undisturbed[name].tolist()
+    pd.testing.assert_frame_equal(table[list(COLUMNS)], undisturbed[list(COLUMNS)], check_exact=True)
+
+
+# Workers that die
+
+
+def test_killed_workers_change_nothing(tmp_path, monkeypatch):
+    """Six are killed at random times; the task in hand is done again by another."""
+    monkeypatch.setattr(campaigns, "CHUNK", 60)
+    many = [({"number": seed, "T": 1.87}, sand(seed=seed, jumps=2100)) for seed in range(1, 9)]
+    chance, killed = random.Random(1), []
+
+    def kill(pool, over):
+        while len(killed) < 6 and not over.wait(chance.uniform(0.0, 0.7)):
+            victim = chance.choice(pool._workers)[0]
+            if victim.is_alive():
+                victim.kill()
+                killed.append(victim.pid)
+
+    over = threading.Event()
+    with processes(2) as pool:
+        killer = threading.Thread(target=kill, args=(pool, over))
+        killer.start()
+        found = campaign(many, pool, store=tmp_path)
+        over.set()
+        killer.join()
+    assert len(killed) >= 3
+    assert len(set(killed)) == len(killed)
+    same(found, campaign(many, ThreadPoolExecutor(1)))
+    assert len(list(tmp_path.iterdir())) == 8
+
+
+def test_too_many_deaths_end_with_an_error():
+    with Processes(1, replacements=1) as pool:
+        deadly = pool.submit(os._exit, 9)
+        after = pool.submit(int, "3")
+        with pytest.raises(BrokenExecutor, match="too many workers were killed"):
+            deadly.result()
+        with pytest.raises(BrokenExecutor):
+            after.result()
+
+
+def test_errors_come_back_and_the_worker_goes_on():
+    with processes(1) as pool:
+        wrong, odd, own, right = (pool.submit(*task) for task in ((int, "x"), (threading.Lock,), (len, threading.Lock()), (int, "3")))
+        with pytest.raises(ValueError, match="invalid literal"):
+            wrong.result()
+        with pytest.raises(RuntimeError, match="answer cannot be sent"):
+            odd.result()
+        with pytest.raises(TypeError, match="pickle"):
+            own.result()
+        assert right.result() == 3
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        pool.submit(int)
+
+
+def test_a_campaign_killed_again_and_again(tmp_path):
+    """The main process is killed at three random times; the same command ends with the same table."""
+    command = [sys.executable, "-m", "saltation", "campaign", "sand", "--set", "run.jumps=2100", "--vary", f"run.seed={','.join(map(str, range(1, 9)))}"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
+    store, chance = tmp_path / "killed" / "store", random.Random(2)
+    kept = 0
+    for _ in range(3):
+        with subprocess.Popen([*command, "--output", tmp_path / "killed"], env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
+            while process.poll() is None and len(list(store.glob("[!.]*.json"))) <= kept:
+                time.sleep(0.01)
+            time.sleep(chance.uniform(0.0, 0.2))
+            process.kill()
+        before, kept = kept, len(list(store.glob("[!.]*.json")))
+        assert kept > before or kept == 8
+    done = subprocess.run([*command, "--output", tmp_path / "killed"], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    undisturbed = campaign([sand(seed=seed, jumps=2100) for seed in range(1, 9)], ThreadPoolExecutor(1))
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "killed" / "table.csv")[list(COLUMNS)], undisturbed[list(COLUMNS)], check_exact=True)
+
+
+# Many grains
+
+
+def cloud(meeting: bool = True, duration: float = 0.3, number: int = 14):
+    content = read("sand_cloud")
+    content["cloud"]["number"] = number
+    content["run"] |= {"duration": duration, "discard": 1}
+    if not meeting:
+        content["effects"].remove("encounters")
+        del content["encounters"]
+    return scene_of(content)
+
+
+@pytest.fixture(scope="module")
+def clouds():
+    return [({"name": "with"}, cloud()), ({"name": "without"}, cloud(False)), ({"name": "single"}, sand(jumps=30))]
+
+
+@pytest.fixture(scope="module")
+def kept(clouds, tmp_path_factory):
+    """A campaign that keeps all: its folder and its table."""
+    folder = tmp_path_factory.mktemp("kept")
+    with ThreadPoolExecutor(1) as executor:
+        return folder, campaign(clouds, executor, store=folder / "store", results=folder / "runs")
+
+
+def test_a_row_of_many_grains_is_what_their_run_says(clouds, kept):
+    folder, found = kept
+    for (labels, scene), (_, row) in zip(clouds, found.iterrows(), strict=True):
+        result = saltation.run(scene)
+        summary = result.summary()
+        for name in QUANTITIES[:-1]:
+            assert row[[name, f"{name}_sd", f"{name}_se"]].tolist() == summary.loc[name, ["mean", "standard_deviation", "standard_error"]].tolist()
+        assert row["jumps"] == len(result.jumps) > 9
+        opened = saltation.open(folder / "runs" / f"{labels['name']}.nc")
+        assert opened.dataset().identical(result.dataset())
+        if scene.cloud is not None:
+            assert (row["bed_frequency"], row["pair_frequency"]) == (result.frequencies()["bed"], result.frequencies()["pairs"])
+    assert found["pair_frequency"].isna().tolist() == [False, False, True]
+    assert found["pair_frequency"][0] > found["pair_frequency"][1] == 0.0
+
+
+def test_results_that_are_lost_or_of_another_run_are_made_again(clouds, kept):
+    folder, found = kept
+    lost, other = folder / "runs" / "single.nc", folder / "runs" / "without.nc"
+    true = other.read_bytes()
+    lost.unlink()
+    other.write_bytes((folder / "runs" / "with.nc").read_bytes())
+    (folder / "runs" / "with.nc").touch()
+    shares: list[float] = []
+    with ThreadPoolExecutor(1) as executor:
+        same(campaign(clouds, executor, store=folder / "store", results=folder / "runs", progress=shares.append), found)
+    assert shares[0] == pytest.approx(1 / 3)
+    assert lost.exists()
+    assert other.read_bytes() == true
+
+
+@pytest.mark.parametrize("labels", [{}, {"name": "../a"}, {"name": "b"}])
+def test_results_need_names(labels, tmp_path):
+    with pytest.raises(ValueError, match="results need a label 'name'"):
+        campaign([({"name": "b"}, sand()), (labels, sand(seed=2))], results=tmp_path / "runs")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path):
+    with processes(2) as pool:
+        same(campaign(clouds, pool, results=tmp_path), kept[1])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["single.nc", "with.nc", "without.nc"]
+
+
+@pytest.mark.parametrize("meeting", [False, True])
+def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkeypatch):
+    """In processes of their own, whose tables of step sizes are empty as they start."""
+    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    scene, shares, blocks = cloud(meeting), [], []
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, function, text, first, last):
+            blocks.append(range(first, last))
+            return pool.submit(function, text, first, last)
+
+    with processes(2) as pool:
+        found = saltation.run(scene, shares.append, executor=Counting(1))
+    assert [number for block in blocks for number in block] == list(range(14))
+    assert (len(blocks) > 3) == (not meeting)
+    assert shares[-1] == 1.0
+    assert found.dataset().identical(saltation.run(scene).dataset())
+
+
+def test_blocks_from_which_grains_leave(monkeypatch):
+    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    scene = cloud(False)
+    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"longest_flight": 1.5})})
+    with ThreadPoolExecutor(1) as executor:
+        found = saltation.run(scene, executor=executor)
+    assert len(found.fates) > 3
+    assert found.fates["time"].is_monotonic_increasing
+    assert found.dataset().identical(saltation.run(scene).dataset())
+
+
+def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
+    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    opened = []
+
+    def first_fails(content):
+        opened.append(unpacked(content))
+        if len(opened) == 1:
+            opened[0].status = "failed"
+        return opened[-1]
+
+    monkeypatch.setattr("saltation.cloud.unpacked", first_fails)
+    whole = saltation.run(cloud(False))
+    monkeypatch.setattr("saltation.cloud.run_cloud", lambda scene, *rest, grains=None: whole if grains is None else run_cloud(scene, grains=grains))
+    with ThreadPoolExecutor(1) as executor:
+        assert saltation.run(cloud(False), executor=executor) is whole
+    assert len(opened) > 1
+
+
+def test_what_an_executor_is_not_for(tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(ValueError, match="executor is for scenes with a \\[cloud\\]"):
+            saltation.run(sand(), executor=executor)
+        with pytest.raises(ValueError, match="either an output or an executor"):
+            saltation.run(cloud(), output=tmp_path / "out", executor=executor)
+
+
+def test_what_a_cloud_costs():
+    """About its number of jumps: one and a half d/u* for each."""
+    scene = cloud(False, 12.9, 45)
+    assert campaigns.cost_of(scene) == pytest.approx(45 * 500 / 1.5, rel=0.01)
+    assert campaigns.form_of(cloud()) != campaigns.form_of(cloud(False)) == campaigns.form_of(scene) != campaigns.form_of(sand())
 
 
 # The thesis
+
+
+def test_table_4_1_has_24_runs():
+    found = campaigns.grains()
+    labels = pd.DataFrame([labels for labels, _ in found])
+    assert len({key_of(scene) for _, scene in found}) == labels["name"].nunique() == 24
+    assert labels.drop(columns="name").drop_duplicates().shape == (24, 4)
+    assert [sorted(labels[name].unique()) for name in ("concentration", "particle_reynolds", "stage")] == [[0.0013, 0.0233], [73.0, 250.0], [2.0, 2.5, 3.0]]
+    for given, scene in found:
+        assert scene.numbers.particle_reynolds == pytest.approx(given["particle_reynolds"], rel=1e-14)
+        assert scene.numbers.stage == pytest.approx(given["stage"], rel=1e-14)
+        assert scene.run.duration / scene.numbers.time == pytest.approx(500.0, rel=1e-12)
+        assert np.prod(scene.box) * given["concentration"] == pytest.approx(scene.cloud.number * np.pi / 6.0)
+        assert (scene.bed.restitution, scene.bed.friction, scene.bed.span_scatter, scene.run.seed) == (0.65, 0.1, False, 1)
+        assert ("encounters" in scene.names) == given["encounters"]
+
+
+def test_the_command_runs_table_4_1_compares_and_goes_on(tmp_path, monkeypatch):
+    """Four of its runs, short, of fewer grains; a lost result is made again, and with all of them there nothing is."""
+    monkeypatch.setattr(campaigns, "CONCENTRATIONS", {0.0233: 20})
+    monkeypatch.setattr(campaigns, "REYNOLDS", (73.0,))
+    monkeypatch.setattr(campaigns, "STAGES_OF_GRAINS", (2.0, 3.0))
+    monkeypatch.setattr(campaigns, "LASTING", 30.0)
+    arguments = ["campaign", "grains", "--set", "run.discard=2", "--output", str(tmp_path / "out")]
+    out = CliRunner().invoke(cli.main, arguments)
+    assert out.exit_code == 0, (out.output, out.exception)
+    names = ["table", "table_4_2", "comparison", "changes", "exponents", "convergence"]
+    tables = {name: pd.read_csv(tmp_path / "out" / f"{name}.csv") for name in names}
+    assert tables["table"]["status"].eq("finished").all()
+    results = [saltation.open(tmp_path / "out" / "runs" / f"{name}.nc") for name in tables["table"]["name"]]
+    assert tables["table"]["bed_frequency"].tolist() == [result.frequencies()["bed"] for result in results]
+    row = tables["comparison"].set_index(["stage", "quantity"]).loc[(3.0, "height")]
+    assert row["difference"] == pytest.approx(results[2].jumps["height"].mean() - results[3].jumps["height"].mean(), rel=1e-9)
+    assert tables["table_4_2"]["pair_frequency_printed"].tolist() == [4.51, 5.31]
+    assert "(4.51)" in out.stdout
+    files = [*(tmp_path / "out" / "runs").iterdir(), *(tmp_path / "out" / "store").iterdir()]
+    content = {path: path.read_bytes() for path in files}
+    files[0].unlink()
+    monkeypatch.setattr(campaigns, "processes", None)  # one run needs none
+    again = CliRunner().invoke(cli.main, arguments)
+    assert again.stdout == out.stdout
+    monkeypatch.setattr(campaigns, "fly", None)
+    again = CliRunner().invoke(cli.main, arguments)
+    assert again.stdout == out.stdout
+    assert {path: path.read_bytes() for path in files} == content
+
+
+@pytest.mark.parametrize("given", [["--set", "cloud.number=10"], ["--vary", "run.seed=1,2"]])
+def test_what_the_command_for_table_4_1_refuses(given, tmp_path):
+    out = CliRunner().invoke(cli.main, ["campaign", "grains", *given, "--output", str(tmp_path / "out")])
+    assert out.exit_code == 2
+    assert given[0] in out.stderr
+    assert out.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,25 @@
+"""Names of what is kept of a scene: another scene, version or state of the compiled code is another name."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from basset import __version__
+from basset._compile import digest_of
+
+
+def text_of(scene: Any) -> str:
+    """A scene as JSON; floats come back bit for bit."""
+    text: str = scene.model_dump_json(exclude_none=True)
+    return text
+
+
+def key_of(scene: Any) -> str:
+    """The name under which a scene's results are kept."""
+    return hash_of(__version__, digest_of("saltation"), text_of(scene))
+
+
+def hash_of(*parts: str) -> str:
+    """SHA-256 of some texts."""
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
