@@ -32,7 +32,9 @@ def made(jumps=None, met=None, path=None, meeting=True, discard=0):
     """A result that holds what is given."""
     if jumps is None:
         jumps = pd.DataFrame({"grain": [0, 1], "height": 1.0, "duration": 1.0})
-    jumps = pd.DataFrame(dict.fromkeys(("height", "length", "velocity", "takeoff_angle", "deviation_angle", "stokes", "clipped"), 0.0) | dict(jumps))
+    jumps = pd.DataFrame(
+        dict.fromkeys(("height", "length", "velocity", "takeoff_angle", "deviation_angle", "stokes", "clipped"), 0.0) | {"duration": 1.0} | dict(jumps)
+    )
     met = encounter_table(np.zeros((0, len(COLUMNS)))) if met is None else met
     return CloudResult(cloud(meeting, run={"discard": discard}), jumps, met, fate_table([]), "finished", "", {}, 100.0, path)
 
@@ -133,6 +135,14 @@ def test_the_rank_sum_test_sees_differences_in_correlated_jumps_where_there_are_
 def test_without_jumps_that_count_there_is_no_comparison():
     found = grains.compare(made(discard=5), made(discard=5))
     assert found[["difference", "standard_error", "p_bootstrap", "p_wilcoxon"]].isna().all(axis=None)
+
+
+def test_two_impacts_without_a_flight_between_them_are_no_jump():
+    """As of a grain that is hit from above while it leaves the bed: an impact, with neither velocity nor spin."""
+    jumps = pd.DataFrame({"grain": [0, 0, 0], "duration": [1.0, 0.0, 2.0], "velocity": [3.0, np.inf, 5.0]})
+    result = made(jumps)
+    assert result.jumps["velocity"].tolist() == [3.0, 5.0]
+    assert result.frequencies()["bed"] == 3 / result.time
 
 
 # Encounters
