@@ -7,8 +7,9 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -139,6 +140,14 @@ class Cloud:
             if code not in GOES_ON:
                 return
 
+    def tabulate(self) -> None:
+        """Make the tables of the steps in hand: in a run that goes on, another process had them."""
+        tables = self.engine.tables
+        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, (encounters.STEP_END, encounters.IMPACT, encounters.ENCOUNTER, encounters.SEEK))]:
+            h, slot, singular = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
+            if tables.tables.sizes[slot, singular] != h:
+                tables.fill(h, slot, singular)
+
     def speed_of(self, grain: int) -> float:
         """Speed of a grain along the stream, V."""
         d = self.engine.dimensions
@@ -201,7 +210,8 @@ class Part:
 STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
 
 
-class Told(NamedTuple):
+@dataclass(frozen=True)
+class Told:
     """How far a run has come: parts that are done, the time, the status and why, and which grains have left."""
 
     parts: int
@@ -222,8 +232,9 @@ class Folder:
         self.path, self.scene = Path(path), scene
         self.key = key_of(scene)
         self.path.mkdir(parents=True, exist_ok=True)
-        for stray in self.path.glob(".*.nc.*"):  # of a run that was killed while it wrote
-            stray.unlink(missing_ok=True)
+        for name in ("part-*.nc", "checkpoint.npz", "run.json"):
+            for stray in self.path.glob(f".{name}.*"):  # of a run that was killed while it wrote
+                stray.unlink(missing_ok=True)
         if self.told() is None and any(self.path.iterdir()):
             raise SceneError(f"--output {str(self.path)!r} holds something else: give an empty or a new folder")
 
@@ -239,7 +250,7 @@ class Folder:
 
     def tell(self, told: Told, known: dict[str, Any]) -> None:
         """Write run.json."""
-        content = {"key": self.key} | told._asdict() | {"provenance": known}
+        content = {"key": self.key} | asdict(told) | {"provenance": known}
         write(self.path / "run.json", json.dumps(content | {"scene": json.loads(text_of(self.scene))}, indent=1) + "\n")
 
     def put(self, number: int, dataset: Any) -> None:
@@ -249,7 +260,7 @@ class Folder:
 
     def keep(self, cloud: Cloud, told: Told) -> None:
         """Write a checkpoint: how far the run has come and all that is needed to go on."""
-        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "told": np.array(json.dumps(told))}
+        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "told": np.array(json.dumps(asdict(told)))}
         with replacing(self.path / "checkpoint.npz") as name, open(name, "wb") as file:
             np.savez(file, **arrays)
 
@@ -262,7 +273,8 @@ class Folder:
             for name, array in cloud.crowd._asdict().items():
                 array[:] = kept[name]
             cloud.heads[:], cloud.logs.count[:] = kept["heads"], kept["count"]
-            return Told(*json.loads(str(kept["told"])))
+            cloud.tabulate()
+            return Told(**json.loads(str(kept["told"])))
 
 
 def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
@@ -355,7 +367,7 @@ def run_cloud(
     parts: list[Part] = []
     while told.status == STOPPED[0]:
         k = told.parts
-        part = Part(engine, cloud.grains, k * count, max(0, min(count, every - k * count)))
+        part = Part(engine, cloud.grains, k * count, every - k * count if k + 1 == last else count)  # the end itself belongs to the last one
         code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), told.fates, report)
         note(cloud, known)
         status, message = MESSAGES[code] if code != UNTIL or k + 1 == last else STOPPED

@@ -14,10 +14,9 @@ import pandas as pd
 import xarray as xr
 
 from basset.kernels import Floats
-from saltation import encounters, statistics
+from saltation import encounters, flight, statistics
 from saltation._files import replacing
-from saltation.engine import REST
-from saltation.result import UNITS, shares, table_in
+from saltation.result import UNITS, shares, table_in, table_of
 from saltation.scene import scene_of
 
 WHOLE = ("grain", "first", "second")  # columns that count grains
@@ -78,14 +77,9 @@ class CloudResult:
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none.
-
-        A grain that has just touched the bed and is hit from above touches it again at once: two impacts with no flight between
-        (shorter than `engine.REST`), which have neither a velocity nor a spin.
-        """
+        """The jumps that count: without the first `run.discard` of each grain."""
         number = self.all_jumps.groupby("grain").cumcount()
-        counts = (number >= self.scene.run.discard) & (self.all_jumps["duration"] > REST)
-        return self.all_jumps[counts].reset_index(drop=True)
+        return self.all_jumps[number >= self.scene.run.discard].reset_index(drop=True)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number."""
@@ -236,6 +230,9 @@ def open_folder(folder: Path) -> CloudResult:
         raise ValueError(f"{str(folder)!r} is no saltation result: it has no run.json that can be read") from None
     parts = [folder / f"part-{k:05d}.nc" for k in range(told["parts"])]
     jumps, met = [], []
+    if not parts:  # stopped before the first one was whole
+        jumps.append(table_of(np.zeros((0, len(flight.COLUMNS))), 1.0).assign(grain=np.zeros(0, dtype=np.int32)))
+        met.append(encounter_table(np.zeros((0, len(encounters.COLUMNS)))))
     for part in parts:
         with xr.open_dataset(part, engine="scipy") as opened:
             jumps.append(table_in(opened, "jump"))
