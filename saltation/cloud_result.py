@@ -16,6 +16,7 @@ import xarray as xr
 from basset.kernels import Floats
 from saltation import encounters, flight, statistics
 from saltation._files import replacing
+from saltation.engine import REST
 from saltation.result import UNITS, shares, table_in, table_of
 from saltation.scene import scene_of
 
@@ -77,9 +78,14 @@ class CloudResult:
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard` of each grain."""
+        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none.
+
+        A grain that has just touched the bed and is hit from above touches it again at once: two impacts with no flight between
+        (shorter than `engine.REST`), which have neither a velocity nor a spin.
+        """
         number = self.all_jumps.groupby("grain").cumcount()
-        return self.all_jumps[number >= self.scene.run.discard].reset_index(drop=True)
+        counts = (number >= self.scene.run.discard) & (self.all_jumps["duration"] > REST)
+        return self.all_jumps[counts].reset_index(drop=True)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number."""
