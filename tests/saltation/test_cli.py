@@ -18,6 +18,8 @@ from saltation.scene import shipped
 
 FIXED = ["solver.method=fixed_step", "solver.dt=1e-3"]
 WINDOWED = [*FIXED, "history.scheme=windowed", "history.window=3.0"]
+CLOUD = ["run.jumps=", "run.duration=1.0", "cloud.number=45", "cloud.concentration=0.0233"]
+MEETING = [*CLOUD, "effects=['weight', 'encounters']"]
 
 # the sand scene with these fields changed ("" takes one out), and the words that the sentence must hold
 BAD_SCENES = {
@@ -105,6 +107,26 @@ BAD_SCENES = {
     "no weight in water": (["grain.density=1000.0"], ["density", "1000"]),
     "too smooth for Yalin": (["channel.transport_stage=", "channel.shear_velocity=5e-4", "channel.profile=yalin"], ["channel.profile", "'yalin'"]),
     "wrong units": (["grain.diameter=1e200"], ["grain", "Reynolds number", "units"]),
+    "no grains": ([*CLOUD, "cloud.number=0"], ["cloud.number", "1 or greater"]),
+    "half a grain": ([*CLOUD, "cloud.number=2.5"], ["cloud.number", "whole number"]),
+    "number missing": ([*CLOUD, "cloud.number="], ["cloud.number", "missing"]),
+    "concentration missing": ([*CLOUD, "cloud.concentration="], ["cloud.concentration", "missing"]),
+    "no concentration": ([*CLOUD, "cloud.concentration=0"], ["cloud.concentration", "greater than 0"]),
+    "too concentrated": ([*CLOUD, "cloud.concentration=0.4"], ["cloud.concentration", "0.3 or less"]),
+    "no layer": ([*CLOUD, "cloud.layer=0"], ["cloud.layer", "greater than 0", "m"]),
+    "no interval": ([*CLOUD, "cloud.interval=0"], ["cloud.interval", "greater than 0"]),
+    "negative spread": ([*CLOUD, "cloud.spread=-0.1"], ["cloud.spread", "0 or greater"]),
+    "unknown boundary": ([*CLOUD, "cloud.boundary=periodical"], ["cloud.boundary", "did you mean 'periodic'?"]),
+    "unknown field of a cloud": ([*CLOUD, "cloud.numbr=3"], ["cloud.numbr", "did you mean 'number'?"]),
+    "jumps of a cloud": (["cloud.number=45", "cloud.concentration=0.0233"], ["cloud", "run.duration", "run.jumps"]),
+    "fixed steps of a cloud": ([*CLOUD, *FIXED], ["cloud", "collocation", "'fixed_step'"]),
+    "jumps of memory of a cloud": ([*CLOUD, "history.window_jumps=2"], ["cloud", "history.window_jumps"]),
+    "encounters of one grain": (["effects=['weight', 'encounters']"], ["effects", "'encounters'", "[cloud]"]),
+    "a box for few": ([*MEETING, "cloud.number=4"], ["cloud.number", "12 d", "cloud.concentration", "cloud.layer"]),
+    "encounters with e above 1": ([*MEETING, "encounters.restitution=1.2"], ["encounters.restitution", "1 or less"]),
+    "encounters with negative friction": ([*MEETING, "encounters.friction=-0.1"], ["encounters.friction", "0 or greater"]),
+    "encounters slower than rest": ([*MEETING, "encounters.slowest=-0.1"], ["encounters.slowest", "0 or greater"]),
+    "encounters without pile-up": ([*MEETING, "encounters.pile_up=0"], ["encounters.pile_up", "1 or greater"]),
     "wrong units of the bed": (["channel.roughness_height=1e300"], ["roughness_height", "units"]),
 }
 
@@ -205,6 +227,10 @@ BAD_OPTIONS = {
     "output without a folder": (["run", "sand", "--output", "{}/no/out.nc"], "--output"),
     "output a folder": (["run", "sand", "--output", "{}"], "--output"),
     "output there already": (["run", "sand", "--output", "{}/own.toml"], "--force"),
+    "many grains into a file": (["run", "sand_cloud", "--output", "{}/own.toml"], "must be a folder"),
+    "many grains among other files": (["run", "sand_cloud", "--output", "{}"], "holds something else"),
+    "many grains without a folder": (["run", "sand_cloud", "--output", "{}/no/out"], "does not exist"),
+    "no room for many grains": (["run", "sand_cloud", "--set", "cloud.number=30", "--set", "cloud.concentration=0.3"], "cloud.number"),
     "no workers": (["campaign", "sand", "--workers", "0", "--output", "{}/c"], "--workers"),
     "workers and a cluster": (["campaign", "sand", "--workers", "1", "--scheduler", "tcp://x:1", "--output", "{}/c"], "--scheduler"),
     "a campaign into a file": (["campaign", "sand", "--output", "{}/own.toml"], "--output"),

@@ -1,0 +1,238 @@
+"""Runs of many grains: each as if alone where none meet, the same bits however a run is cut, stopped or kept."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scene_cases import cloud_scene, interpreted, sand_cloud
+
+import saltation
+from basset.solvers import _march
+from saltation import cloud, flight
+from saltation.cloud import Folder, starts
+from saltation.engine import Engine, Grain, Start, tables_of
+from saltation.flow import both
+from saltation.result import table_of
+from saltation.simulation import empty_record
+
+LENGTH = 40.0  # d/u*
+PIECE = 45 * 25  # kept positions in a part: 16 parts of 2.5 d/u*
+
+
+def same(one, other):
+    """Every number of two results, bit for bit."""
+    assert one.all_jumps.equals(other.all_jumps)
+    assert one.encounters.equals(other.encounters)
+    assert one.fates.to_dict("records") == other.fates.to_dict("records")
+    assert one.trajectory.equals(other.trajectory)
+    assert (one.status, one.message, one.time) == (other.status, other.message, other.time)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """In memory, in one piece, nothing tabulated before."""
+    tables_of.cache_clear()
+    result = saltation.run(sand_cloud(LENGTH))
+    assert len(result.encounters) > 50
+    return result
+
+
+# Alone and among others
+
+
+def alone(engine, grain, start, jumps):
+    """(jumps, steps) of a grain that flies so many jumps on its own."""
+    engine.limits = engine.limits._replace(seal=float(jumps))
+    one = Grain(engine, grain, start)
+    record, rows = empty_record(20000, engine.tables.count, engine.states), np.zeros((jumps, len(flight.COLUMNS)))
+    code, done = one.fly(record, True, rows)
+    while code == _march.FULL:  # a table was missing: the rest goes behind
+        rest = flight.Record(*(array[done:] for array in record))
+        code, more = one.fly(rest, True, rows)
+        done += more
+    assert code == flight.JUMPS
+    return rows, flight.Record(*(array[:done] for array in record))
+
+
+def test_without_encounters_each_flies_as_if_alone():
+    """Jumps and paths of all 45, bit for bit: they share steps, tables and draws with a run of one grain."""
+    made = sand_cloud(8.0, effects=[name for name in saltation.load("sand_cloud").effects if name != "encounters"])
+    result = saltation.run(made)
+    engine = Engine(made)
+    engine.problem = engine.problem._replace(end=np.inf)  # where a run ends cuts its last step
+    nodes, rise = engine.tables.nodes, engine.tables.rise
+    polynomial, row = np.zeros((engine.tables.count + 1, engine.states)), np.zeros(engine.states)
+    path = result.trajectory
+    times = path["time"].to_numpy()
+    kept = np.stack([path[name].to_numpy() for name in "xyzuvw"], axis=-1)
+    compared = 0
+    for i, (position, velocity, spin) in enumerate(zip(*starts(engine), strict=True)):
+        expected = result.all_jumps[result.all_jumps["grain"] == i].drop(columns="grain").reset_index(drop=True)
+        rows, steps = alone(engine, i, Start(tuple(position), tuple(velocity), tuple(spin)), len(expected))
+        assert table_of(rows, made.numbers.stokes(1.0)).equals(expected)
+        end = float(expected["start"].iloc[-1] + expected["duration"].iloc[-1])
+        for k, when in enumerate(times[times < end]):
+            step = max(0, int(np.searchsorted(steps.start, when)) - 1)
+            kind, h = int(steps.kind[step]), steps.size[step]
+            flight.fit_polynomial(nodes, rise, kind, h, steps.values[step], polynomial)
+            flight.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
+            row[3] += both(engine.profile, row[2])[0]
+            assert (row[:6] == kept[k, i]).all()
+            compared += 1
+    assert compared > 45 * 40
+
+
+# However it is cut
+
+
+@pytest.mark.parametrize(("name", "size"), [("SLICE", 45), ("SLICE", 10**9), ("PART", 45), ("PART", PIECE), ("BUFFER", 7)])
+def test_a_run_in_pieces_is_the_same(name, size, whole, monkeypatch):
+    """Between two looks at the clock, two parts, two visits for a full log; tables are there already, which must not matter either."""
+    monkeypatch.setattr(cloud, name, size)
+    same(saltation.run(whole.scene), whole)
+
+
+def test_a_folder_holds_the_same_as_memory(whole, monkeypatch, tmp_path):
+    monkeypatch.setattr(cloud, "PART", PIECE)
+    seen = []
+    result = saltation.run(whole.scene, seen.append, tmp_path / "run")
+    same(result, whole)
+    same(saltation.open(tmp_path / "run"), whole)
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["checkpoint.npz", *(f"part-{k:05d}.nc" for k in range(16)), "run.json"]
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert result.provenance == whole.provenance | {"box": list(whole.provenance["box"])}
+    result.save(tmp_path / "one.nc")
+    same(saltation.open(tmp_path / "one.nc"), whole)
+
+
+@pytest.mark.parametrize("steps", [39, 59])
+def test_the_last_position_is_there(steps):
+    """0.1·39 is a little more than 3.9 in floating point."""
+    with interpreted():
+        result = saltation.run(cloud_scene(1, 0.1 * steps, cloud={"boundary": "open"}))
+    assert result.trajectory.sizes["time"] == steps + 1
+    assert np.isfinite(result.trajectory.to_array()).all()
+
+
+# However it is stopped
+
+COMMAND = "import sys, saltation.cloud as c; c.PART = int(sys.argv.pop(1)); from saltation.cli import main; main()"
+
+
+def start(folder, made):
+    """The command line in another process, with small parts."""
+    command = [sys.executable, "-c", COMMAND, str(PIECE), "run", "sand_cloud", "--output", str(folder)]
+    command += ["--set", f"run.duration={made.run.duration!r}", "--set", "run.discard=0"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def wait_for(folder, parts, process):
+    """Until so many parts are written."""
+    while len(list(folder.glob("part-*.nc"))) < parts and process.poll() is None:
+        time.sleep(0.002)
+
+
+def test_killed_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
+    """SIGKILL while parts and checkpoints are being written, three times: the same bits in the end."""
+    monkeypatch.setattr(cloud, "PART", PIECE)
+    folder, rng, killed = tmp_path / "run", random.Random(61), 0
+    for parts in (1, 4, 9):
+        process = start(folder, whole.scene)
+        wait_for(folder, parts, process)
+        time.sleep(rng.uniform(0.0, 0.1))
+        process.kill()
+        process.communicate()
+        killed += process.returncode == -signal.SIGKILL
+        if process.returncode == -signal.SIGKILL:
+            opened = saltation.open(folder)
+            assert (opened.status, opened.time < whole.time) == ("unfinished", True)
+            assert opened.encounters.equals(whole.encounters[: len(opened.encounters)])
+    assert killed >= 2
+    same(saltation.run(whole.scene, output=folder), whole)
+    assert not list(folder.glob(".*"))
+
+
+def test_stopped_by_the_system_it_says_so(whole, monkeypatch, tmp_path):
+    """SIGTERM: exit status 130 and one sentence; the same command goes on."""
+    monkeypatch.setattr(cloud, "PART", PIECE)
+    folder = tmp_path / "run"
+    process = start(folder, whole.scene)
+    wait_for(folder, 1, process)
+    process.terminate()
+    out, text = process.communicate()
+    assert (process.returncode, out) == (130, "")
+    assert text == f"stopped: what is finished is kept in {str(folder)!r}, the same command goes on from there\n"
+    done = start(folder, whole.scene)
+    out, text = done.communicate()
+    assert (done.returncode, text) == (0, "")
+    assert out.startswith("finished: the time is over")
+    same(saltation.open(folder), whole)
+
+
+@pytest.mark.parametrize("word", ["keep", "tell"])
+def test_stopped_between_two_files(word, whole, monkeypatch, tmp_path):
+    """Before a checkpoint, and before the very last words of a run that has come to its end."""
+    monkeypatch.setattr(cloud, "PART", PIECE)
+    plain, written = getattr(Folder, word), []
+
+    def stop(self, *arguments):
+        written.append(1)
+        if len(written) == (9 if word == "keep" else 17):
+            raise KeyboardInterrupt
+        plain(self, *arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Folder, word, stop)
+        saltation.run(whole.scene, output=tmp_path / "run")
+    assert saltation.open(tmp_path / "run").status == "unfinished"
+    tables_of.cache_clear()  # as in another process
+    same(saltation.run(whole.scene, output=tmp_path / "run"), whole)
+
+
+def test_a_folder_is_of_one_scene(whole, monkeypatch, tmp_path):
+    """Another seed is another run; a finished one is not flown again; something else is left alone."""
+    made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
+    with interpreted():
+        first = saltation.run(made, output=tmp_path / "run")
+        before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+        monkeypatch.setattr(cloud, "fly_part", None)
+        same(saltation.run(made, output=tmp_path / "run"), first)
+        with pytest.raises(saltation.SceneError, match=r"another scene or version: give a new folder$"):
+            saltation.run(cloud_scene(2, 2.0, cloud={"boundary": "open"}), output=tmp_path / "run")
+        (tmp_path / "other").mkdir()
+        (tmp_path / "other" / "thesis.txt").write_text("mine")
+        with pytest.raises(saltation.SceneError, match=r"holds something else: give an empty or a new folder$"):
+            saltation.run(made, output=tmp_path / "other")
+    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
+
+
+def test_killed_while_it_wrote_its_first_words(tmp_path):
+    """What is left of an unfinished file is no hindrance and does not stay."""
+    (tmp_path / ".run.json.x1y2").write_text("{")
+    made = cloud_scene(1, 1.0, cloud={"boundary": "open"})
+    with interpreted():
+        assert saltation.run(made, output=tmp_path).status == "finished"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["checkpoint.npz", "part-00000.nc", "run.json"]
+
+
+def test_stopped_before_the_first_part(monkeypatch, tmp_path):
+    """It can be opened, empty, and goes on."""
+    made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
+    with interpreted():
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(Folder, "put", lambda *arguments: (_ for _ in ()).throw(KeyboardInterrupt))
+            saltation.run(made, output=tmp_path / "run")
+        opened = saltation.open(tmp_path / "run")
+        assert (opened.status, opened.time, len(opened.all_jumps), len(opened.encounters)) == ("unfinished", 0.0, 0, 0)
+        same(saltation.run(made, output=tmp_path / "run"), saltation.run(made))
