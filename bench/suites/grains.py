@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+import saltation
 from basset.solvers import _march
 from bench.grains import changed, rounded
-from saltation import encounters, flight
+from saltation import campaigns, flight, grains
 from saltation.cloud import Cloud, starts
+from saltation.cloud_result import CloudResult
 from saltation.encounters import UNTIL, Samples
 from saltation.engine import Engine, Grain, Start
 from saltation.scene import read, scene_of, shipped
@@ -28,6 +33,9 @@ FORMS: dict[str, tuple[str, ...]] = {
     "no encounters, history": ("encounters",),
     "no encounters, no history": ("encounters", "history"),
 }
+
+SHOWN = 40.0  # d/u*: a short run whose pictures are drawn
+SPREAD = "C2.33_R73_T2"  # the run of figs 4-17 and 4-18
 
 Content = dict[str, Any]
 
@@ -133,7 +141,61 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
     return {"number": number, "ratio": best["cloud"] / best["one by one"], "same": bool(np.array_equal(*done)), "jumps": len(done[0])}
 
 
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table, NumPy's numbers made Python's own."""
+    return [rounded({key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}) for row in table.to_dict("records")]
+
+
+def study() -> dict[str, Any]:
+    """The 24 runs of Table 4-1 as anyone would run them, and all that is asked of them."""
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        table = campaigns.campaign(campaigns.grains(), results=folder)
+        seconds = time.perf_counter() - begin
+
+        def opened(name: str) -> CloudResult:
+            result: CloudResult = saltation.open(Path(folder) / f"{name}.nc")
+            return result
+
+        found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}
+        found |= {"runs": records(table), "slow": records(slow(table, opened)), "moments": [moments(opened, meeting) for meeting in (True, False)]}
+        found["profile"] = records(opened(f"{SPREAD}_with").profiles(40, 50.0))
+    return {"seconds": seconds, "workers": campaigns.cores(), **found}
+
+
+def slow(table: pd.DataFrame, opened: Any) -> pd.DataFrame:
+    """Encounters per d/u* in which grains parted with the slowest speed, and steps that were not resolved."""
+    rows = []
+    for name in table.loc[table["encounters"], "name"]:
+        result = opened(name)
+        e = result.scene.options("encounters").restitution
+        rows.append((name, float((result.encounters["restitution"] > e).sum() / result.time), result.provenance["unresolved_steps"]))
+    return pd.DataFrame(rows, columns=["name", "slow", "unresolved"])
+
+
+def moments(opened: Any, meeting: bool) -> dict[str, Any]:
+    """Second moments from the first release and from all, of the run of figs 4-17 and 4-18."""
+    result = opened(f"{SPREAD}_{'with' if meeting else 'without'}")
+    row: dict[str, Any] = {"encounters": meeting, "duration": float(result.jumps["duration"].mean())}
+    for name in ("first", "all"):
+        lags, members, _ = grains.ensemble(result, name == "all")
+        row[name] = {"lag": rounded(lags), **{axis: rounded(members[:, :, k].var(axis=0)) for k, axis in enumerate("xy")}}
+    return row
+
+
+def shown() -> dict[str, Any]:
+    """A short run of the shipped cloud, whole: for pictures."""
+    content = changed(read(shipped()["sand_cloud"]), run={"discard": 5})
+    content["run"]["duration"] = SHOWN * scene_of(content).numbers.time
+    result = saltation.run(scene_of(content))
+    path = result.trajectory
+    tables = {"jumps": result.all_jumps, "encounters": result.encounters}
+    kept = {name: {column: rounded(values.to_numpy(), 7) for column, values in frame.items()} for name, frame in tables.items()}
+    axes = {name: [rounded(row, 7) for row in path[name].to_numpy()] for name in path.data_vars}
+    return {"scene": content, **kept, "time": rounded(path["time"].to_numpy(), 9), "path": axes, "provenance": result.provenance, "end": result.time}
+
+
 def run(full: bool) -> dict[str, Any]:
     """Measure."""
     rounds = 7 if full else 3
-    return {"scaling": rounded(scaling(full, rounds)), "independent": rounded(independent(rounds)), "columns": len(encounters.COLUMNS)}
+    return {"scaling": scaling(full, rounds), "independent": rounded(independent(rounds)), "study": study(), "shown": shown()}
