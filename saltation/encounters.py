@@ -368,7 +368,9 @@ def meeting(model, world, crowd, i, j, one, two, start, end, rows):
         if gap <= touch and rate < 0.0:
             break
         pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
-        pause = max(pause, gap / speed, 1e-5 if rate >= 0.0 else 4e-16 * (1.0 + abs(time)))
+        pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
+        if rate >= 0.0:  # in touch without closing: on, but not to the end unseen
+            pause = max(pause, min(1e-5, 0.01 * (end - time)))
         if pause >= end - time:
             return math.inf
         earlier = time
