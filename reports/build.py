@@ -12,7 +12,7 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import analysis, figures, flights, memory, saltation, solver
+from reports import analysis, figures, flights, grains, memory, saltation, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
 
@@ -296,6 +296,9 @@ def front(data: dict[str, Record]) -> str:
             "* [What a jump costs, and how exact it is](flights.md): speed and convergence of flights, collocation beside every scheme at fixed steps.",
             flights.opening(data),
             "![error of a jump against its time](figures/flights_accuracy.png)",
+            "* [What encounters change, and what a grain among many costs](grains.md): the 24 runs of Table 4-1, spreading, and runs of up to 100 000 grains.",
+            grains.opening(data),
+            "![a sand cloud](figures/sand_cloud.gif)",
             footer(data),
         ]
     )
@@ -307,7 +310,7 @@ def main() -> None:
     data = load(HERE / "data")
     with mpl.rc_context(LOOK):
         pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data)}
-        pages |= {"saltation.md": saltation.saltation(data), "flights.md": flights.flights(data), "README.md": front(data)}
+        pages |= {"saltation.md": saltation.saltation(data), "flights.md": flights.flights(data), "grains.md": grains.grains(data), "README.md": front(data)}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

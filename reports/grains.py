@@ -1,0 +1,297 @@
+"""The page on many grains."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from reports import grains_figures as figures
+from reports.analysis import Record, Target, seconds
+from reports.page import HERE, asked, factor, fill, footer, grouped, save, table
+from saltation import animation, cloud_plots
+from saltation.cloud_result import CloudResult, encounter_table, path_dataset
+from saltation.encounters import COLUMNS
+from saltation.grains import RANGES
+from saltation.scene import scene_of
+
+LOW, HIGH = 0.0013, 0.0233
+WITH, WITHOUT = "encounters, history", "no encounters, history"
+
+
+def cost(data: Record, form: str, concentration: float, number: int) -> Record:
+    """One measured number of grains."""
+    rows = data["scaling"]
+    return next(row for row in rows if row["form"] == form and row["concentration"] == concentration and row["number"] == number)
+
+
+def numbers(data: Record) -> list[int]:
+    """The numbers of grains that were measured with encounters, at the lower concentration."""
+    return sorted({row["number"] for row in data["scaling"] if row["form"] == WITH and row["concentration"] == LOW})
+
+
+def growth(data: Record, concentration: float = LOW) -> float:
+    """Cost of a grain among the most over that among a thousand."""
+    most = numbers(data)[-1]
+    return float(cost(data, WITH, concentration, most)["seconds"] / cost(data, WITH, concentration, 1000)["seconds"])
+
+
+def over(data: Record, concentration: float) -> float:
+    """Cost with encounters over that without, a thousand grains."""
+    return float(cost(data, WITH, concentration, 1000)["seconds"] / cost(data, WITHOUT, concentration, 1000)["seconds"])
+
+
+def compared(data: Record, concentration: float, *names: str) -> pd.DataFrame:
+    """Comparisons at one concentration of some quantities."""
+    frame = pd.DataFrame(data["study"]["comparison"])
+    return frame[(frame["concentration"] == concentration) & frame["quantity"].isin(names)]
+
+
+def exponent(data: Record, axis: str, which: str, meeting: bool, ensemble: str = "first") -> Record:
+    """One exponent of the run of figs 4-17 and 4-18."""
+    rows = [row for row in data["study"]["exponents"] if row["concentration"] == HIGH and row["particle_reynolds"] == 73.0 and row["stage"] == 2.0]
+    return next(row for row in rows if row["axis"] == axis and row["range"] == which and row["encounters"] == meeting and row["ensemble"] == ensemble)
+
+
+def met(data: Record, concentration: float) -> pd.DataFrame:
+    """Rows of Table 4-2 at R_p 73."""
+    frame = pd.DataFrame(data["study"]["table_4_2"])
+    return frame[(frame["concentration"] == concentration) & np.isclose(frame["particle_reynolds"], 73.0)]
+
+
+def span(values: Any, digits: int = 2) -> str:
+    """Lowest to highest."""
+    low, high = (f"{float(f'{edge:.{digits}g}'):g}" for edge in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
+
+
+def opening(data: dict[str, Record]) -> str:
+    """The three sentences to take away."""
+    found = data["grains"]
+    most, heights = numbers(found)[-1], compared(found, HIGH, "height")
+    shorter = -heights["difference"] / heights["mean_without"]
+    p_low = compared(found, LOW, "height", "length")[["p_bootstrap", "p_wilcoxon"]].min().min()
+    return fill(
+        "grains_opening.md",
+        number="1 000",
+        time=seconds(cost(found, WITH, LOW, 1000)["seconds"]),
+        ratio=f"{over(found, LOW):.2f}",
+        ratio_high=f"{over(found, HIGH):.2f}",
+        low=f"{100 * LOW:g}",
+        high=f"{100 * HIGH:g}",
+        many=grouped(most),
+        growth=f"{growth(found):.2f}",
+        bytes=grouped(max(row["bytes"] for row in found["scaling"] if row["number"] >= 1000)),
+        least_jumps=grouped(compared(found, LOW, "height")["jumps_with"].min()),
+        p_low=f"{p_low:.2f}",
+        shorter_least=f"{shorter.min():.0%}",
+        shorter_most=f"{shorter.max():.0%}",
+        turned=f"{span(compared(found, HIGH, 'abs_deviation_angle')['mean_with'])} degrees",
+        ratio_bed_low=span(met(found, LOW)["ratio"]),
+        ratio_bed_high=span(met(found, HIGH)["ratio"]),
+        gamma_with=f"{exponent(found, 'y', 'intermediate', True)['gamma']:.2f}",
+        gamma_without=f"{exponent(found, 'y', 'intermediate', False)['gamma']:.2f}",
+    )
+
+
+def targets(data: Record) -> list[Target]:
+    """The figures asked of many grains, beside what was measured."""
+    study, low, high = data["study"], met(data, LOW), met(data, HIGH)
+    p = compared(data, LOW, "height", "length")[["p_bootstrap", "p_wilcoxon"]].min().min()
+    rows = [Target("0.13 %: change of H and L by encounters, both R_p, every T", "not significant", f"p ≥ {p:.2f}", p > 0.05)]
+    text = f"{span(low['ratio'])} and {span(high['ratio'])}"
+    rows.append(Target("F_pb/F_pp at 0.13 % and 2.33 %, R_p 73", "tens, below ten", text, bool((low["ratio"] >= 10.0).all() and (high["ratio"] < 10.0).all())))
+    printed = (high["pair_frequency"] / high["pair_frequency_printed"]).to_numpy()
+    rows.append(Target("F_pp over the printed at 2.33 %", "about 1", span(printed), bool((printed > 0.5).all() and (printed < 2.0).all())))
+    printed = (low["pair_frequency"] / low["pair_frequency_printed"]).to_numpy()
+    rows.append(Target("F_pp over the printed at 0.13 %", "about 1", span(printed), bool((printed > 0.5).all() and (printed < 2.0).all())))
+    one, two = (exponent(data, "y", "intermediate", meeting) for meeting in (True, False))
+    what = f"γ_y {one['gamma']:.2f} [{one['lower']:.2f}, {one['upper']:.2f}] and {two['gamma']:.2f}"
+    rows.append(Target("span-wise diffusion with encounters and none without, bed scatter off", "0.6, none", what, one["lower"] > 0.3 > two["gamma"]))
+    local = exponent(data, "x", "local", True, "all")["gamma"]
+    rows.append(Target("short times near-ballistic, steady releases: γ_x", "1", f"{local:.2f}", 0.85 <= local <= 1.05))
+    rows.append(Target("the 24 runs on two cores", "≤ 10 min", seconds(study["seconds"]), study["seconds"] <= 600.0))
+    most = numbers(data)[-1]
+    for concentration in (LOW, HIGH):
+        ratio = growth(data, concentration)
+        rows.append(Target(f"a grain among {grouped(most)} over one among 1 000, {100 * concentration:g} %", "≤ 1.5 ×", f"{ratio:.2f} ×", ratio <= 1.5))
+    size = max(row["bytes"] for row in data["scaling"] if row["number"] >= 1000)
+    rows.append(Target("bytes per grain", "≤ 2 kB", grouped(size), size <= 2000.0))
+    ratio = data["independent"]["ratio"]
+    rows.append(Target("without encounters over the same grains one by one", "≤ 1.15 ×", f"{ratio:.2f} ×", ratio <= 1.15))
+    same = data["independent"]["same"]
+    rows.append(
+        Target("… whose jumps are the same", "bit for bit", f"{grouped(data['independent']['jumps'])} jumps {'bit for bit' if same else 'differ'}", same)
+    )
+    return rows
+
+
+def pairs_table(data: Record) -> str:
+    """Table 4-2."""
+    slow = {row["name"]: row["slow"] for row in data["study"]["slow"]}
+    names = {(row["concentration"], row["particle_reynolds"], row["stage"]): row["name"] for row in data["study"]["runs"] if row["encounters"]}
+    rows = []
+    for row in data["study"]["table_4_2"]:
+        key = (row["concentration"], row["particle_reynolds"], row["stage"])
+
+        def cell(name: str, row: Record = row) -> str:
+            printed = row[f"{name}_printed"]
+            own = "–" if row[name] is None else f"{row[name]:.3g}"
+            return own if printed is None else f"{own} ({printed:.3g})"
+
+        rows.append(
+            [
+                f"{100 * key[0]:g} %",
+                f"{key[1]:g}",
+                f"{key[2]:g}",
+                *(cell(name) for name in ("pair_frequency", "bed_frequency", "ratio")),
+                f"{slow[names[key]]:.2g}",
+            ]
+        )
+    return table(["C_p", "R_p", "T", "F_pp", "F_pb", "F_pb/F_pp", "slow"], rows)
+
+
+def probability(p: float) -> str:
+    """A probability."""
+    return f"{p:.2f}" if p >= 0.01 else "< 0.01" if p >= 1e-3 else "< 0.001"
+
+
+def comparison_table(data: Record) -> str:
+    """Figs 4-10 to 4-12 as numbers."""
+    rows = []
+    for row in data["study"]["comparison"]:
+        if row["quantity"] in ("height", "length", "velocity"):
+            means = [f"{row['mean_with']:.3g}", f"{row['mean_without']:.3g}", f"{row['difference']:+.2g} ± {row['standard_error']:.1g}"]
+            labels = [f"{100 * row['concentration']:g} %", f"{row['particle_reynolds']:g}", f"{row['stage']:g}", row["quantity"]]
+            rows.append([*labels, *means, probability(row["p_bootstrap"]), probability(row["p_wilcoxon"])])
+    return table(["C_p", "R_p", "T", "", "with", "without", "difference", "p, blocks", "p, rank sum"], rows)
+
+
+def changes_table(data: Record) -> str:
+    """Figs 4-13 to 4-15 as numbers."""
+    wanted = {
+        "angle_xz": "xz (°)",
+        "angle_xy": "xy (°)",
+        "u": "u (u*)",
+        "v": "v (u*)",
+        "w": "w (u*)",
+        "spin_x": "ω_x (u*/d)",
+        "spin_y": "ω_y (u*/d)",
+        "spin_z": "ω_z (u*/d)",
+    }
+    rows: dict[tuple[float, float], dict[str, Any]] = {}
+    for row in data["study"]["changes"]:
+        if np.isclose(row["particle_reynolds"], 73.0) and row["quantity"] in wanted:
+            own = rows.setdefault((row["concentration"], row["stage"]), {})
+            own[row["quantity"]], own["count"] = row["mean_size"], row["count"]
+    cells = [[f"{100 * c:g} %", f"{t:g}", grouped(own["count"] / 2), *(f"{own[name]:.2g}" for name in wanted)] for (c, t), own in rows.items()]
+    return table(["C_p", "T", "encounters", *wanted.values()], cells)
+
+
+def exponents_table(data: Record) -> str:
+    """Exponents of all ranges beside the printed ones."""
+    rows = []
+    for axis in "xy":
+        for meeting in (True, False):
+            for ensemble in ("first", "all"):
+                cells = []
+                for which in RANGES:
+                    row = exponent(data, axis, which, meeting, ensemble)
+                    interval = "" if row["lower"] is None else f" [{row['lower']:.2f}, {row['upper']:.2f}]"
+                    printed = "" if row["printed"] is None else f" ({row['printed']:g})"
+                    cells.append("–" if row["gamma"] is None else f"{row['gamma']:.2f}{interval}{printed}")
+                rows.append([axis, "with" if meeting else "without", ensemble, *cells])
+    return table(["", "encounters", "released", *(f"{name} (printed)" for name in RANGES)], rows)
+
+
+def convergence_table(data: Record) -> str:
+    """Fig. 4-3 as numbers."""
+    rows = []
+    for row in data["study"]["convergence"]:
+        if row["concentration"] == HIGH and row["particle_reynolds"] == 73.0 and row["stage"] == 2.0 and not row["encounters"] and row["height"] is not None:
+            cells = [f"{row[name]:.3g} ± {row[f'{name}_scatter']:.2g} ({row[f'{name}_sd']:.2g})" for name in ("height", "length")]
+            rows.append([str(row["jumps"]), str(row["grains"]), *cells])
+    return table(["jumps", "grains", "H: mean ± scatter of means (single jumps), d", "L"], rows)
+
+
+def scaling_table(data: Record) -> str:
+    """Time per grain and d/u*."""
+    every = sorted({row["number"] for row in data["scaling"]})
+    rows = []
+    for concentration in (LOW, HIGH):
+        for form in figures.LOOKS:
+            own = {row["number"]: row for row in data["scaling"] if row["form"] == form and row["concentration"] == concentration}
+            cells = [seconds(own[n]["seconds"]) if n in own else "" for n in every]
+            rows.append([f"{100 * concentration:g} %", form, *cells, grouped(own[max(own)]["bytes"])])
+    return table(["C_p", "", *(grouped(n) for n in every), "bytes"], rows)
+
+
+def picture(data: Record) -> CloudResult:
+    """The short run whose pictures are drawn."""
+    shown = data["shown"]
+    path = shown["path"]
+    values = np.stack([np.array(path[name], dtype=np.float64) for name in ("x", "y", "z", "u", "v", "w")], axis=2)
+    scene = scene_of(shown["scene"])
+    kept = path_dataset(np.array(shown["time"]), values, {"diameter": scene.numbers.diameter, "velocity": scene.numbers.velocity})
+    met_rows = np.array([shown["encounters"][name] for name in COLUMNS], dtype=np.float64).T
+    fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
+    return CloudResult(scene, pd.DataFrame(shown["jumps"]), encounter_table(met_rows), fates, "finished", "", shown["provenance"], shown["end"], kept)
+
+
+def significant(data: Record) -> str:
+    """What the tests say, in a sentence."""
+    low, high = compared(data, LOW, "height", "length"), compared(data, HIGH, "height", "length")
+    worst = high[["p_bootstrap", "p_wilcoxon"]].max().max()
+    drop = -high["difference"] / high["mean_without"]
+    least = low[["p_bootstrap", "p_wilcoxon"]].min().min()
+    return (
+        f"At 0.13 % no change of H or L is significant (p ≥ {least:.2f}). At 2.33 % all are (p ≤ {worst:.0e}), by {span(100 * drop)} %, "
+        "also at T = 2, where the thesis sees none: with 16 000 jumps instead of some hundred smaller changes show."
+    )
+
+
+def grains(data: dict[str, Record]) -> str:
+    """The page reports/grains.md."""
+    found = data["grains"]
+    study, own = found["study"], picture(found)
+    animation.animate(own, HERE / "figures" / "sand_cloud.gif", frames=80)
+    plots = {
+        name: save(cloud_plots.CLOUD_PLOTS[name](own), f"grains_{name}")
+        for name in ("three_dimensional", "plan", "pair", "snapshots", "grain_history", "profiles")
+    }
+    rates = met(found, LOW)
+    alone = found["independent"]
+    return fill(
+        "grains.md",
+        opening=opening(data),
+        seconds=seconds(study["seconds"]),
+        workers=study["workers"],
+        targets=asked(targets(found)),
+        figure_space=plots["three_dimensional"],
+        figure_plan=plots["plan"],
+        figure_pair=plots["pair"],
+        figure_snapshots=plots["snapshots"],
+        figure_history=plots["grain_history"],
+        figure_profiles=plots["profiles"],
+        table_4_2=pairs_table(found),
+        low_factor=factor(float((rates["pair_frequency_printed"] / rates["pair_frequency"]).median())),
+        significant=significant(found),
+        figure_compared=save(figures.compared(study["comparison"]), "grains_compared"),
+        comparison=comparison_table(found),
+        changes=changes_table(found),
+        figure_changes=save(cloud_plots.CLOUD_PLOTS["encounters"](own), "grains_encounters"),
+        local=f"{RANGES['local'][1]:g}",
+        intermediate=" to ".join(f"{edge:g}" for edge in RANGES["intermediate"]),
+        beyond=f"{RANGES['global'][0]:g}",
+        figure_moments=save(figures.moments(study["moments"]), "grains_moments"),
+        exponents=exponents_table(found),
+        convergence=convergence_table(found),
+        rounds=found["rounds"],
+        independent=f"{alone['ratio']:.2f}",
+        independent_number=alone["number"],
+        same="with the same bits" if alone["same"] else "with other bits",
+        figure_scaling=save(figures.scaling(found["scaling"]), "grains_scaling"),
+        scaling=scaling_table(found),
+        footer=footer({"grains": found}),
+    )
