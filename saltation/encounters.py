@@ -30,6 +30,7 @@ STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH = range(8)  # what a
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` came back, beside the codes of a flight
 BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Crowd.path`
 REACH = 2.0  # d: half a step's path is at most this long
+UNSEEN, CLOSING = 1e-10, 1e-12  # d, d/(d/V): overlaps and rates of approach that are none
 MARGIN = 1.5  # on what the nodes of a step say about what lies between them
 
 # columns of the table of encounters: n from the first grain to the second
@@ -360,25 +361,25 @@ def meeting(model, world, crowd, i, j, one, two, start, end, rows):
     touch = 1e-12 + 1e-14 * abs(end)  # rounding of positions and times
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
     bend = first[BEND] + second[BEND]
-    time, earlier = start, start
+    # in touch without closing: on, but only so far that the surfaces cannot sink by more than UNSEEN into each other
+    blind = min(math.sqrt(UNSEEN / (bend + 1e-9)), (UNSEEN / (first[ROOT] + second[ROOT] + 1e-9)) ** (2.0 / 3.0))
+    time, earlier, before = start, start, 0.0
     gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
     for _ in range(1000):
         if gap > speed * (end - time):
             return math.inf
-        if gap <= touch and rate < 0.0:
+        if gap <= touch and rate < -CLOSING:
             break
         pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
-        pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
-        if rate >= 0.0:  # in touch without closing: on, but not to the end unseen
-            pause = max(pause, min(1e-5, 0.01 * (end - time)))
+        pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)), blind if rate >= -CLOSING else 0.0)
         if pause >= end - time:
             return math.inf
-        earlier = time
+        earlier, before = time, gap
         time += pause
         gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
-    if gap > touch or rate >= 0.0:
+    if gap > touch or rate >= -CLOSING:
         return -time
-    if gap < -touch and earlier < time:  # the nodes did not tell all: back to where the surfaces met
+    if gap < -touch and before > 0.0:  # the nodes did not tell all: back to where the surfaces met
         late = time
         for _ in range(80):
             time = 0.5 * (earlier + late)

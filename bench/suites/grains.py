@@ -198,5 +198,5 @@ def shown() -> dict[str, Any]:
 
 def run(full: bool) -> dict[str, Any]:
     """Measure."""
-    rounds = 7 if full else 3
+    rounds = 5 if full else 3
     return {"rounds": rounds, "scaling": scaling(full, rounds), "independent": rounded(independent(rounds)), "study": study(), "shown": shown()}

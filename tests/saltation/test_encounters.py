@@ -398,7 +398,7 @@ def test_inelastic_collapse(restitution):
     """Three in a row with e < 7 − 4√3 meet infinitely often in a finite time: a pile-up without `slowest`, an end with it."""
     places, velocities = [[2.0, 5.0, 5.0], [4.0, 5.0, 5.0], [6.3, 5.0, 5.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
     law = {"restitution": restitution, "friction": 0.0, "pile_up": 100}
-    stuck = fly_cloud(cloud_scene(3, 3.0, encounters=law | {"slowest": 0.0}), places, velocities)
+    stuck = fly_cloud(cloud_scene(3, 3.0, encounters=law | {"slowest": 0.0, "pile_up": 20}), places, velocities)
     assert stuck.status == "pile-up"
     assert "encounters.pile_up" in stuck.message
     assert 1.0 < stuck.time < 1.3  # both outer ones reach the middle by then
@@ -406,6 +406,9 @@ def test_inelastic_collapse(restitution):
     assert 0.0 <= stuck.time * (1.0 + 1e-12) - float(stuck.trajectory["time"].max()) < 0.1
     assert np.isfinite(stuck.trajectory.to_array()).all()
     assert np.isfinite(list(stuck.frequencies().values())).all()
+    together = fly_cloud(cloud_scene(3, 3.0, encounters=law | {"slowest": 0.0}), places, velocities)  # nothing presses them
+    assert together.status == "finished"
+    assert np.abs(together.trajectory["u"].to_numpy()[-1]).max() < 1e-9
     loose = fly_cloud(cloud_scene(3, 3.0, encounters=law | {"slowest": 0.01}), places, velocities)
     assert loose.status == "finished"
     assert 3 < len(loose.encounters) < 30
