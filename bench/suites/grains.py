@@ -26,6 +26,8 @@ NAME = "grains"
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
 CONCENTRATIONS = (0.0013, 0.0233)
+LARGE = ("encounters, history", "no encounters, history")  # forms that are flown with so many
+SETTLED = 4.0  # d/u* before anything is timed
 STRETCH = 2000.0  # grain times d/u* between two looks at the clock
 FORMS: dict[str, tuple[str, ...]] = {
     "encounters, history": (),
@@ -87,11 +89,12 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
     rows = []
     for concentration in CONCENTRATIONS:
         for form, without in FORMS.items():
-            numbers = [n for n in (*NUMBERS, *((MANY,) if full else ())) if n >= smallest(concentration, without)]
+            many = full and form in LARGE
+            numbers = [n for n in (*NUMBERS, *((MANY,) if many else ())) if n >= smallest(concentration, without)]
             timed = {n: Timed(cloud_of(n, concentration, without)) for n in numbers}
             Timed(cloud_of(1000, concentration, without)).fly(10.0 * STRETCH)  # compiles, and fills the tables that all share
             for own in timed.values():
-                own.fly(max(STRETCH, 0.5 * own.number))  # forgets the start
+                own.fly(SETTLED * own.number)  # past the first jumps, which all do at once
                 own.best = math.inf
             for _ in range(rounds):
                 for own in timed.values():
