@@ -3,6 +3,9 @@
 H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that behave as s^(-1/2) at short lags.
 """
 
+__version__ = "0.1.0"
+
+from basset.advice import Advice, Candidate, advise
 from basset.evaluate import cumulate, integrate
 from basset.exponentials import ExponentialSum
 from basset.finite_reynolds import VaryingSlipKernel
@@ -21,12 +24,12 @@ from basset.quadrature import (
 )
 from basset.solvers import Collocation, FixedStep, RungeKutta4, solve
 
-__version__ = "0.1.0"
-
 __all__ = [
     "SCHEMES",
+    "Advice",
     "BassetKernel",
     "Brush",
+    "Candidate",
     "Collocation",
     "Daitche",
     "EulerMaclaurin",
@@ -42,6 +45,7 @@ __all__ = [
     "UnknownSchemeError",
     "VaryingSlipKernel",
     "Windowed",
+    "advise",
     "cumulate",
     "integrate",
     "solve",

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import __version__
+from basset._files import write
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -105,9 +106,7 @@ def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmat
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write atomically: a temporary file beside it, then a rename. What is not finite becomes null, as JSON has no NaN."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write(path, json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:

@@ -9,23 +9,23 @@ import contextlib
 import itertools
 import json
 import math
-import os
 import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import click
 import pandas as pd
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import saltation
 from basset import __version__, _validate
+from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
 from saltation import campaigns, checks, grains, statistics
 from saltation._files import write
 from saltation.result import UNITS, Result
@@ -33,23 +33,12 @@ from saltation.scene import Scene, SceneError, read, scene_of, shipped
 from saltation.workers import processes
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-WIDTH = 160  # of tables that go to a file or a pipe
 SERIES = {"thesis": campaigns.thesis, "grains": campaigns.grains}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
 OWN = {  # what the thesis's runs differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
     "grains": STREAM | {"effects", "cloud.number", "cloud.concentration", "run.duration"},
 }
-
-
-class Mistake(click.ClickException):
-    """What a user can mend."""
-
-    exit_code = 2
-
-    def show(self, file: IO[Any] | None = None) -> None:
-        """The sentence, without the ornaments of a usage error."""
-        click.echo(self.format_message(), err=True, file=file)
 
 
 class Commands(click.Group):
@@ -67,21 +56,6 @@ class Commands(click.Group):
 @click.version_option(__version__, package_name="basset")
 def main() -> None:
     """Sand grains hopping over a river bed, with the history force."""
-
-
-def console(error: bool = False) -> Console:
-    """Where tables and progress go."""
-    made = Console(stderr=error, markup=False, highlight=False)
-    return made if made.is_terminal else Console(stderr=error, markup=False, highlight=False, width=WIDTH)
-
-
-@contextlib.contextmanager
-def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterator[Callable[[float], None]]:
-    """A bar on a terminal, nothing elsewhere; what is yielded takes the share that is done."""
-    screen = console(error=True)
-    with Progress(TextColumn(name), BarColumn(), *columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
-        task = bar.add_task(name, total=total)
-        yield lambda share: bar.update(task, completed=share * total)
 
 
 # Scenes
@@ -321,15 +295,6 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
 
 
 @contextlib.contextmanager
-def mistakes_of_files(option: str) -> Iterator[None]:
-    """What the file system refuses is a mistake."""
-    try:
-        yield
-    except OSError as error:
-        raise Mistake(f"{option}: {str(error.filename or '')!r} cannot be used: {error.strerror or error}") from None
-
-
-@contextlib.contextmanager
 def stoppable(output: Path | None) -> Iterator[None]:
     """SIGTERM and an interrupt end the command with a sentence: what is finished is kept in `output`."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -353,16 +318,6 @@ def check_folder(path: Path, force: bool) -> None:
     if force and (path / "run.json").exists():
         for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):
             file.unlink(missing_ok=True)
-
-
-def check_output(path: Path, force: bool) -> None:
-    """Refuse before anything is computed."""
-    if path.is_dir():
-        raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
-    if not path.parent.is_dir():
-        raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
-    if path.exists() and not force:
-        raise Mistake(f"--output: {str(path)!r} exists already; --force overwrites it")
 
 
 def open_result(path: Path) -> Any:
@@ -393,16 +348,6 @@ def draw_film(result: Any, path: Path, cloud: bool) -> None:
         except ValueError as error:
             raise Mistake(f"--animate: {error}") from None
     click.echo(f"written: {path}")
-
-
-def draw(figure: Any, path: Path) -> None:
-    """A picture, whole or not at all."""
-    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        figure.savefig(part)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def read_reference(path: Path) -> pd.DataFrame:

@@ -1,0 +1,511 @@
+"""Which scheme for this accuracy, length and number of particles: predicted error, time and bytes of every candidate.
+
+Errors come from the schemes themselves, run on a signal of the given time scale (or on the user's own samples) with the
+step and the kernel asked for; times from a few constants of this machine, measured in a second and kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basset import __version__, _validate, measure
+from basset.evaluate import _converted, _diagnose, cumulate
+from basset.exponentials import ExponentialSum
+from basset.kernels import BassetKernel, Floats, Kernel
+from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
+from basset.streaming import LONGEST
+
+USES = ("stream", "path")
+MARGINS = {"model": 3.0, "samples": 2.0}  # on predicted errors: no signal is the model, no stretch the whole path
+TAIL_SHARE = 0.2  # of the error allowed, for what a sum of exponentials loses
+STEPS = 2048  # of a signal on which schemes are tried, at most, and
+SCALES = 30.0  # so many time scales of it at most
+HIGHEST = 8  # degree of a product rule that is considered
+BLOCK = 64  # steps of a window before a tail
+SIZES = 2.0 ** (-np.arange(-4, 49) / 4.0)  # steps that are considered, in time scales
+TRUTH = Daitche(10)  # at less than 1/32 of a time scale
+ROUNDING = 1e-15  # of the largest |H|, that no scheme gets below
+SPLINE = 7  # degree between given samples
+RESOLVED = 2.0  # samples per time scale, at least
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Seconds that things take here.
+
+    Attributes
+    ----------
+    call : tuple of float
+        A short call: of a stream, of a path by FFT.
+    step, column, node, term : float
+        A stream: per step; per step and column; of these per remembered node and per exponential.
+    transform : tuple of float
+        A path by FFT, per step and column: times log2 of the steps; more where it does not fit into a fast cache.
+    """
+
+    call: tuple[float, float]
+    step: float
+    column: float
+    node: float
+    term: float
+    transform: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One scheme with its predictions.
+
+    Attributes
+    ----------
+    rule : Rule
+    dt : float, seconds
+    steps : int
+    error : float
+        Predicted error as asked for, margin included.
+    seconds : float
+        Predicted time of all steps and particles; the scheme's set-up (milliseconds, then kept) is not in it.
+    nbytes : int
+        Memory that it needs for all particles, beside the samples and H.
+    meets : bool
+        Whether error and bytes keep what was asked for.
+    """
+
+    rule: Rule
+    dt: float
+    steps: int
+    error: float
+    seconds: float
+    nbytes: int
+    meets: bool
+
+    @property
+    def code(self) -> str:
+        """The Python expression of the rule."""
+        return code(self.rule)
+
+    @property
+    def toml(self) -> str:
+        """The lines that select the scheme in the [history] table of a scene at fixed steps."""
+        return "\n".join(f"{name} = {json.dumps(value)}" for name, value in words(self.rule).items())
+
+
+def code(rule: Rule) -> str:
+    """The Python expression of a rule."""
+    if not isinstance(rule, Windowed) or rule.tail is None:
+        return f"basset.{rule!r}".replace("rule=", "rule=basset.")
+    tail = rule.tail
+    kernel = "" if isinstance(tail.kernel, BassetKernel) else f", basset.{tail.kernel!r}"
+    return f"basset.Windowed({code(rule.rule)}, {rule.window!r}, basset.ExponentialSum.fit({tail.near!r}, {tail.far!r}, {tail.rtol!r}{kernel}))"
+
+
+def words(rule: Rule) -> dict[str, Any]:
+    """A rule as the words of a scene's [history] table."""
+    if isinstance(rule, Windowed):
+        inner = {name: value for name, value in words(rule.rule).items() if name != "scheme"}
+        tail = {"tail": False} if rule.tail is None else {"tail": "fitted", "rtol": rule.tail.rtol}
+        return {"scheme": "windowed", "rule": rule.rule.name, **inner, "window": rule.window, **tail}
+    given = {name: getattr(rule, name, None) for name in ("order", "rtol", "window")}
+    return {"scheme": rule.name, **{name: value for name, value in given.items() if value is not None}}
+
+
+@dataclass(frozen=True)
+class Advice:
+    """All candidates: those that meet what was asked for first, the fastest first.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+    error : float
+        What was asked for.
+    time_scale : float, seconds
+        As given, or as found in the samples.
+    """
+
+    candidates: tuple[Candidate, ...]
+    error: float
+    time_scale: float
+
+    @property
+    def best(self) -> Candidate:
+        """The one to take.
+
+        Raises
+        ------
+        ValueError
+            If none keeps error and memory.
+        """
+        first = self.candidates[0]
+        if first.meets:
+            return first
+        if first.error <= self.error:
+            least = min(candidate.nbytes for candidate in self.candidates if candidate.error <= self.error)
+            raise ValueError(f"memory must be at least {least} bytes for this error")
+        raise ValueError(f"error must be {first.error:.1e} or greater for this step and kernel, got {self.error:g}: take a smaller dt")
+
+
+def advise(
+    error: float,
+    *,
+    time_scale: float | None = None,
+    samples: ArrayLike | None = None,
+    sample_step: float | None = None,
+    dt: float | None = None,
+    steps: int | None = None,
+    duration: float | None = None,
+    particles: int = 1,
+    components: int = 3,
+    kernel: Kernel = BassetKernel(),
+    memory: float = math.inf,
+    use: str = "stream",
+    machine: Machine | None = None,
+) -> Advice:
+    """Rank every scheme by predicted error, time and bytes, and say which one to take.
+
+    The prediction is for rates that are smooth from the start on. An initial slip costs nothing where it is given as such
+    (`initial_slip`, `plan.jump`); a rate that starts like √t or 1/√t, as in an equation with memory after a jump, or that
+    has kinks leaves every scheme here with an error of h^(3/2) at best, which no degree removes: take
+    `basset.Collocation` there, or `basset compare` on the samples.
+
+    Parameters
+    ----------
+    error : float
+        The largest error that is allowed on the path, relative to the largest |H|, from one time scale after its start on (no
+        scheme can know more of the first steps than the first samples tell).
+    time_scale : float, seconds, optional
+        How fast the rate g = df/dt changes: the T with |k-th derivative of g| ≤ |g|/T^k. 1/ω for cos ωt, 1/λ for e^(−λt),
+        the shortest where there are several.
+    samples, sample_step : array_like (n+1, ...) and float (seconds), optional
+        A stretch of the rate itself in place of the time scale, sampled finely: errors are then predicted for it, and a fast
+        part that is weak does not count as much as a strong one. Its largest |H| should be that of the whole path.
+    dt : float, seconds, optional
+        The step; None: each candidate takes the longest one that keeps the error.
+    steps : int, optional
+        Number of steps, with dt.
+    duration : float, seconds, optional
+        Length of the path; with dt in place of steps, without dt instead.
+    particles, components : int
+        Paths that are computed side by side, and components of each.
+    kernel : Kernel
+        What is remembered.
+    memory : float, bytes
+        Most that may be needed, for all particles.
+    use : {"stream", "path"}
+        "stream": one sample after the other, as in a solver; "path": all samples are there (`basset.cumulate`).
+    machine : Machine, optional
+        Default: measured here, once (see `calibrated`).
+
+    Returns
+    -------
+    Advice
+
+    Raises
+    ------
+    ValueError, TypeError
+        For what is out of range, where neither or both of time_scale and samples, or of steps and duration, are given, and
+        where the samples do not resolve the rate.
+
+    Examples
+    --------
+    >>> import basset
+    >>> advice = basset.advise(1e-6, time_scale=1.0, dt=0.05, steps=10_000, particles=1000)
+    >>> advice.best.error <= 1e-6
+    True
+    """
+    error = _validate.positive("error", error)
+    _validate.choice("use", use, USES)
+    columns = _validate.integer("particles", particles, 1) * _validate.integer("components", components, 1)
+    if not isinstance(kernel, Kernel):
+        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+    if not memory > 0.0:
+        raise ValueError(f"memory must be greater than 0 (bytes), got {memory}")
+    length = _length(dt, steps, duration)
+    if (time_scale is None) == (samples is None):
+        raise ValueError("either time_scale (seconds) or samples must be given, and not both")
+    if samples is None:
+        signal = model(_validate.positive("time_scale", time_scale, "seconds"), length)
+    elif sample_step is None:
+        raise ValueError("sample_step (seconds) must be given with samples")
+    else:
+        signal = sampled(samples, sample_step)
+    job = Job(error, length, columns, kernel, memory, use, signal, calibrated() if machine is None else machine)
+    found = [best for family in families(job) if (best := job.longest(family) if dt is None else job.predicted(family, dt)) is not None]
+    found.sort(key=lambda candidate: (not candidate.meets, candidate.seconds if candidate.meets else candidate.error))
+    return Advice(tuple(found), error, signal.scale)
+
+
+def _length(dt: float | None, steps: int | None, duration: float | None) -> float:
+    """Length of the path, seconds."""
+    if dt is None:
+        if steps is not None or duration is None:
+            raise ValueError("duration (seconds) must be given, and steps left out, where dt is to be chosen")
+        return _validate.positive("duration", duration, "seconds")
+    dt = _validate.positive("dt", dt, "seconds")
+    if (steps is None) == (duration is None):
+        raise ValueError("either steps or duration (seconds) must be given with dt, and not both")
+    return _validate.integer("steps", steps, 1) * dt if steps is not None else _validate.positive("duration", duration, "seconds")
+
+
+# Errors
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A rate on which schemes are tried, over `STEPS` steps at most.
+
+    Attributes
+    ----------
+    rate : callable
+        g(t), seconds to array (nodes, columns).
+    scale : float, seconds
+    length : float, seconds
+    margin : float
+        By which predicted errors are to be multiplied.
+    """
+
+    rate: Callable[[Floats], Floats]
+    scale: float
+    length: float
+    margin: float
+    _truths: dict[Any, Floats] = field(default_factory=dict)
+
+    def error(self, rule: Rule, dt: float, kernel: Kernel) -> float:
+        """Largest error of the whole-history rule from one time scale on, relative to the largest |H|."""
+        steps = int(min(STEPS, max(8, math.floor(self.length / dt * (1.0 + 1e-9)))))
+        settled = min(steps, math.ceil(self.scale / dt))
+        exact = self._truth(dt, steps, kernel)
+        wrong = np.abs(cumulate(self.rate(dt * np.arange(steps + 1)), dt, rule, kernel) - exact)[settled:]
+        whole = min(self.scale / 8.0, 0.5 * self.length)
+        largest = np.abs(self._truth(whole, math.floor(self.length / whole), kernel)).max()
+        return float(wrong.max() / max(largest, 1e-300)) + ROUNDING
+
+    def _truth(self, dt: float, steps: int, kernel: Kernel) -> Floats:
+        """H at every node (steps+1, columns)."""
+        key = dt, steps, kernel
+        if key not in self._truths:
+            parts = max(4, math.ceil(32.0 * dt / self.scale))
+            fine = self.rate(dt / parts * np.arange(parts * steps + 1))
+            self._truths[key] = cumulate(fine, dt / parts, TRUTH, kernel)[::parts]
+        return self._truths[key]
+
+
+def model(scale: float, length: float) -> Signal:
+    """Rates that are nothing but fast: an oscillation, in no special phase, and a decay of about as large an H."""
+
+    def rate(t: Floats) -> Floats:
+        return np.stack([np.cos(t / scale + 0.7), 1.6 * np.exp(-t / scale)], axis=1)
+
+    return Signal(rate, scale, min(length, SCALES * scale), MARGINS["model"])
+
+
+def spline(samples: ArrayLike, step: float) -> tuple[Any, Floats]:
+    """(spline in seconds, samples (n+1, columns)) through given samples (n+1, ...), `step` seconds apart.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For samples that are too few or not finite.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    g = _converted("samples", samples)
+    if g.ndim == 0 or len(g) < 2 * SPLINE + 2:
+        raise ValueError(f"samples must be at least {2 * SPLINE + 2} along their first axis, got {len(g) if g.ndim else 1}")
+    if not np.isfinite(g).all():
+        _diagnose(g, 0, "samples")
+    g = g.reshape(len(g), -1)
+    return make_interp_spline(_validate.positive("sample_step", step, "seconds") * np.arange(len(g)), g, k=SPLINE), g
+
+
+def rates(slips: ArrayLike, step: float) -> Floats:
+    """The rate (n+1, columns) at samples of the slip, by a spline; errors as `spline`."""
+    through, f = spline(slips, step)
+    return np.asarray(through.derivative()(step * np.arange(len(f))))
+
+
+def sampled(samples: ArrayLike, step: float) -> Signal:
+    """A spline through samples of the rate (n+1, ...), `step` seconds apart.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `spline`, and for samples that are zero or do not resolve the rate.
+    """
+    through, g = spline(samples, step)
+    if not g.any():
+        raise ValueError("samples must not all be zero")
+    scale = time_scale_of(g, step)
+    if scale < RESOLVED * step:
+        what = f"which changes within {scale / step:.2g} of their steps here, not {RESOLVED:g} or more: noise, a kink or too long a step"
+        raise ValueError(f"samples must resolve the rate, {what}")
+    return Signal(through, scale, step * (len(g) - 1), MARGINS["samples"])
+
+
+def time_scale_of(g: Floats, step: float) -> float:
+    """The shortest T = (max|g| / max|k-th derivative|)^(1/k) over k, seconds, for samples (nodes, columns); at most their length."""
+    scale, differences = step * (len(g) - 1), g
+    for k in range(1, SPLINE + 1):
+        differences = np.diff(differences, axis=0)
+        largest = np.abs(differences).max()
+        if largest > 1e-14 * 2.0**k * np.abs(g).max():  # else rounding
+            scale = min(scale, step * (np.abs(g).max() / largest) ** (1.0 / k))
+    return float(scale)
+
+
+# Candidates
+
+Family = Callable[[float], Rule]  # of the step
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is asked for."""
+
+    error: float
+    length: float
+    columns: int
+    kernel: Kernel
+    memory: float
+    use: str
+    signal: Signal
+    machine: Machine
+
+    def steps(self, dt: float) -> int:
+        """Steps to the end of the path."""
+        return max(1, math.ceil(self.length / dt * (1.0 - 1e-9)))
+
+    def longest(self, family: Family) -> Candidate | None:
+        """The candidate with the longest step that keeps the error, or with the shortest one."""
+        found, low, high = None, 0, len(SIZES) - 1
+        while low <= high:  # the error falls with the step
+            middle = (low + high) // 2
+            candidate = self.predicted(family, float(self.signal.scale * SIZES[middle]))
+            if candidate is not None and candidate.error <= self.error:
+                found, high = candidate, middle - 1
+            else:
+                found, low = found or candidate, middle + 1
+        return found
+
+    def predicted(self, family: Family, dt: float) -> Candidate | None:
+        """A candidate at one step; None where the scheme cannot be had."""
+        steps = self.steps(dt)
+        try:
+            rule = family(dt)
+            window, tail = remembered(rule, dt, steps, self.kernel)
+            if self.use == "stream" and window is None and steps > LONGEST:
+                return None
+            wrong = self.signal.error(rule._remembered, dt, self.kernel)
+        except ValueError:  # no form for the kernel, no sum that reaches so far
+            return None
+        if tail is not None:
+            wrong += tail.rtol or tail.max_relative_error(tail.near, max(steps * dt, tail.near))
+        seconds, nbytes = expense(rule, steps, window, len(tail or ()), self.columns, self.use, self.machine)
+        wrong *= self.signal.margin
+        return Candidate(rule, dt, steps, wrong, seconds, nbytes, wrong <= self.error and nbytes <= self.memory)
+
+
+def families(job: Job) -> Iterator[Family]:
+    """Every scheme that is considered; a window without tail is not, as it keeps no error."""
+    for scheme in (SemiDerivative, EulerMaclaurin, Brush):
+        yield lambda dt, scheme=scheme: scheme()  # type: ignore[misc]
+    yield lambda dt: Hinsberg(BLOCK * dt)
+    digits = max(1e-14, min(0.1, TAIL_SHARE * job.error / job.signal.margin))
+    rtol = float(f"{digits:.0e}") if float(f"{digits:.0e}") <= digits else float(f"{0.5 * digits:.0e}")
+    for order in range(1, HIGHEST + 1):
+        yield lambda dt, order=order: Daitche(order)  # type: ignore[misc]
+        yield lambda dt, order=order: Exponential(order, rtol)  # type: ignore[misc]
+        yield partial(_windowed, order, rtol, job)
+
+
+def _windowed(order: int, rtol: float, job: Job, dt: float) -> Rule:
+    near = BLOCK * dt
+    return Windowed(Daitche(order), near, ExponentialSum.fit(near, max(job.length, near) + 2.0 * dt, rtol, job.kernel))
+
+
+def remembered(rule: Rule, dt: float, steps: int, kernel: Kernel) -> tuple[int | None, ExponentialSum | None]:
+    """(steps of the window or None for the whole history, the sum beyond it) as a stream has them."""
+    window = rule._window_steps(dt)
+    if window is None or window >= steps:
+        return None, None
+    return window, rule._tail(dt, steps * dt, kernel)
+
+
+# Times and bytes
+
+CACHED = 2**15  # samples whose transforms fit into a fast cache
+
+
+def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int, use: str, machine: Machine) -> tuple[float, int]:
+    """(seconds, bytes) for a whole path."""
+    if use == "path" and not rule._has_tail:
+        beyond = min(1.0, max(0.0, 0.5 * math.log2(steps * columns / CACHED)))
+        each = machine.transform[0] * math.log2(steps + 1) + machine.transform[1] * beyond
+        return machine.call[1] + each * steps * columns, 48 * steps * columns
+    nodes = 0.5 * steps if window is None else float(window)
+    seconds = machine.call[0] + steps * (machine.step + columns * (machine.column + machine.node * nodes + machine.term * terms))
+    base = rule._remembered
+    lags = 2 * ((base.order if isinstance(base, Daitche) else 1) + 1) // 2
+    slots = 2 * (steps + 1) if window is None else 3 * (window + 1) + lags
+    return seconds, 8 * columns * (slots + terms + 1)
+
+
+def calibrated() -> Machine:
+    """The constants of this machine: from the user's cache if they are there, else measured in a second and kept."""
+    place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basset" / "machine.json"
+    return _calibrated(place)
+
+
+@lru_cache(maxsize=4)
+def _calibrated(place: Path) -> Machine:
+    key = f"{__version__} {measure.processor()}"
+    try:
+        kept = json.loads(place.read_text(encoding="utf-8"))
+        if kept["key"] == key:
+            return Machine(**kept["machine"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    machine = calibrate()
+    with contextlib.suppress(OSError):  # nowhere to write: measured again next time
+        measure.write_json(place, {"key": key, "machine": asdict(machine)})
+    return machine
+
+
+def calibrate() -> Machine:
+    """Measure this machine's constants, in about a second."""
+    random = np.random.default_rng(0).random
+    wide, steps = 64, {1: 8192, 64: 256}  # by columns
+    work: dict[str, tuple[Rule, int]] = {"narrow": (Exponential(3, 1e-2), 1), "low": (Exponential(3, 1e-2), wide), "high": (Exponential(3, 1e-10), wide)}
+    work |= {"few": (Windowed(Daitche(1), 32.0), wide), "many": (Windowed(Daitche(1), 1024.0), wide)}
+    terms = {}
+    contenders: dict[str, Callable[[], Any]] = {}
+    for name, (rule, columns) in work.items():
+        plan = rule.plan(1.0, 1e5)
+        terms[name] = len(plan.tail_sum or ())
+        contenders[name] = partial(_march, plan, plan.start((columns,)), random((steps[columns], columns)))
+    contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 32)), ("path", 64))}
+    contenders["stream"] = partial(cumulate, random(64), 1.0, Exponential(3, 1e-2))
+    taken = measure.interleaved(contenders, rounds=15, seconds=0.002)
+    narrow, low, high, few, many = (taken[name] / steps[columns] for name, (_, columns) in work.items())
+    node = max((many - few) / (wide * (1024 - 32)), 1e-12)
+    term = max((high - low) / (wide * (terms["high"] - terms["low"])), 1e-12)
+    column = max((low - narrow) / (wide - 1) - term * terms["low"], 1e-12)
+    step = max(narrow - column - term * terms["low"], 0.0)
+    cached = taken["small"] / (2**13 * 8)
+    beyond = max(taken["large"] / 2**17 - cached * 12, 0.0)
+    return Machine((taken["stream"], taken["path"]), step, column, node, term, (cached, beyond))
+
+
+def _march(plan: Any, state: Any, G: Floats) -> None:
+    """A stream that has settled takes so many steps; what they cost does not depend on the numbers."""
+    state.counters[:] = (5000.0, 5000.0, 0.0)
+    plan.run(state, G)

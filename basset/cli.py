@@ -1,0 +1,256 @@
+"""The commands `basset advise|compare|weights`.
+
+A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.table import Table
+
+import basset
+from basset import __version__, _validate, advice, comparison, samples
+from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset._files import write
+from basset.advice import USES, Advice
+from basset.problems import PROBLEMS
+from basset.quadrature.base import INPUTS
+
+KERNELS = ("basset", "mei_adrian", "dorgan_loth")
+SHOWN = 12  # candidates in a table
+PICTURES = (".png", ".pdf", ".svg")
+ERRORS = tuple(10.0**-k for k in range(1, 13))
+
+
+class Commands(click.Group):
+    """The group; what the library refuses is a mistake wherever it is met."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except (ValueError, TypeError) as error:
+            raise Mistake(str(error)) from None
+
+
+@click.group(cls=Commands)
+@click.version_option(__version__, package_name="basset")
+def main() -> None:
+    """The Basset history force: which scheme to take, how schemes compare on your samples, and their weights."""
+
+
+def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say what is remembered."""
+    options = (
+        click.option("--kernel", default=KERNELS[0], show_default=True, help=f"What is remembered: {', '.join(KERNELS)}."),
+        click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
+        click.option("--diameter", type=float, help="Diameter of the particle, m."),
+        click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say how a file of samples is read."""
+    options = (
+        click.option("--input", "kind", default=INPUTS[0], show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
+        click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times, the first column]"),
+        click.option("--variable", help="Which variable of a netCDF file."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@main.command()
+@click.option("--error", type=float, required=True, help="Largest error allowed, relative to the largest |H|.")
+@click.option("--time-scale", type=float, help="How fast the rate changes: 1/ω of the fastest oscillation, seconds.")
+@click.option("--samples", "file", type=click.Path(path_type=Path), help="A finely sampled stretch of the path instead: .csv, .npy or .nc.")
+@with_samples
+@click.option("--dt", type=float, help="The step in seconds.  [default: the longest that keeps the error]")
+@click.option("--steps", type=int, help="Number of steps, with --dt.")
+@click.option("--duration", type=float, help="Length of the path in seconds instead.")
+@click.option("--particles", type=int, default=1, show_default=True)
+@click.option("--components", type=int, default=3, show_default=True, help="Components of each particle.")
+@click.option("--memory", type=float, default=math.inf, help="Bytes that may be needed at most.  [default: no limit]")
+@click.option("--use", default=USES[0], show_default=True, help="stream: one sample after the other; path: all samples are there.")
+@with_kernel
+def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
+    """Rank the schemes by predicted error, time and bytes, and say which one to take."""
+    kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "slip", "diameter", "viscosity")})
+    _validate.choice("input", kind, INPUTS)
+    if file is not None:
+        with mistakes_of_files("--samples"):
+            g, options["sample_step"] = samples.read(file, sample_step, variable)
+        options["samples"] = advice.rates(g, options["sample_step"]) if kind == "slip" else g
+    found = basset.advise(error, kernel=kernel, **options)
+    best = found.best  # what cannot be met is a mistake: nothing is printed then
+    out = console()
+    out.print(ranking(found))
+    if len(found.candidates) > SHOWN:
+        out.print(f"and {len(found.candidates) - SHOWN} more")
+    if file is not None:
+        out.print(f"\ntime scale of the samples: {found.time_scale:.3g} s")
+    out.print(f"\ntake, with dt = {best.dt:.6g} s:\n{best.code}", soft_wrap=True)
+    if options["use"] == "stream" and isinstance(kernel, basset.BassetKernel):
+        out.print(f"\nin a scene with fixed steps, times in the unit of dt:\n\\[history]\n{best.toml}".replace("\\[", "["), soft_wrap=True)
+
+
+def ranking(found: Advice) -> Table:
+    """The best candidates."""
+    table = Table("scheme", "dt (s)", "steps", "error", "time (s)", "bytes", "", box=None)
+    for row in found.candidates[:SHOWN]:
+        numbers = (f"{row.dt:.4g}", str(row.steps), f"{row.error:.1e}", f"{row.seconds:.2g}", f"{row.nbytes:.3g}")
+        table.add_row(short(row.rule), *numbers, "" if row.meets else "too much memory" if row.error <= found.error else "not exact enough")
+    return table
+
+
+def short(rule: basset.Rule) -> str:
+    """A rule in a table."""
+    if isinstance(rule, basset.Windowed) and rule.tail is not None:
+        return f"Windowed({rule.rule!r}, {rule.window:.4g}, {len(rule.tail)} terms)"
+    return repr(rule)
+
+
+@main.command()
+@click.argument("subject", metavar="FILE|PROBLEM")
+@with_samples
+@click.option("--initial-slip", type=float, default=0.0, show_default=True, help="f at the first sample, for rates.")
+@with_kernel
+@click.option("--output", type=click.Path(path_type=Path), help="The work–precision diagram (.png, .pdf, .svg), or the numbers (.csv).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def compare(
+    subject: str, kind: str, sample_step: float | None, variable: str | None, initial_slip: float, output: Path | None, force: bool, **options: Any
+) -> None:
+    """Measure schemes on your own samples (.csv, .npy, .nc), or on a named problem: error and time at every step that the samples allow.
+
+    The truth of samples is the highest order on all of them; how far two high orders differ says how well it is known.
+    """
+    _validate.choice("input", kind, INPUTS)
+    if output is not None:
+        if output.suffix not in (*PICTURES, ".csv"):
+            raise Mistake(f"--output must end in {', '.join((*PICTURES, '.csv'))}, got {str(output)!r}")
+        check_output(output, force)
+    chosen = subject_of(subject, kind, sample_step, variable, initial_slip, kernel_of(**options))
+    records = []
+    with progress("measuring") as report:
+        for level, rows in enumerate(comparison.measured(chosen), 1):
+            records += rows
+            report(level / len(chosen.levels))
+    out = console()
+    table = Table("largest error", "fastest scheme", "steps", "dt (s)", "error", "time (ms)", box=None)
+    for error in ERRORS:
+        if (best := comparison.cheapest(records, error, chosen.doubt)) is not None:
+            table.add_row(f"{error:.0e}", repr(best.rule), str(best.steps), f"{best.dt:.4g}", f"{best.error:.1e}", f"{1e3 * best.seconds:.3g}")
+    out.print(table if table.row_count else "no scheme is good to 10 %: the samples do not resolve H")
+    if chosen.doubt:
+        out.print(f"\nH itself is known to {chosen.doubt:.1e} of its largest value on these samples")
+    if output is not None:
+        with mistakes_of_files("--output"):
+            if output.suffix == ".csv":
+                head = ("scheme", "steps", "dt", "error", "seconds")
+                write(output, csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
+            else:
+                draw(comparison.drawn(records, chosen.doubt, subject), output)
+        out.print(f"written: {output}")
+
+
+def subject_of(name: str, kind: str, step: float | None, variable: str | None, initial_slip: float, kernel: basset.Kernel) -> comparison.Subject:
+    """A named problem, or the samples of a file."""
+    if Path(name).suffix in samples.SUFFIXES:
+        with mistakes_of_files("FILE"):
+            g, dt = samples.read(Path(name), step, variable)
+        return comparison.of_samples(g, dt, kind, initial_slip, kernel)
+    if name not in PROBLEMS:
+        raise Mistake(
+            f"FILE|PROBLEM must be a file that ends in {', '.join(samples.SUFFIXES)}, or one of {', '.join(PROBLEMS)}, "
+            f"got {name!r}{_validate.suggestion(name, PROBLEMS)}"
+        )
+    if not isinstance(kernel, basset.BassetKernel):
+        raise Mistake("--kernel must be basset for a named problem: its exact answer is for that one")
+    return comparison.of_problem(PROBLEMS[name])
+
+
+@main.command()
+@click.argument("scheme")
+@click.option("--steps", type=int, required=True, help="n: there are n + 1 weights.")
+@click.option("--dt", type=float, default=1.0, show_default=True, help="Step in seconds.")
+@click.option("--order", type=int, help="Degree of the polynomials: daitche, exponential, windowed.")
+@click.option("--rtol", type=float, help="Promised error of the sum: exponential; windowed: with a fitted tail.")
+@click.option("--window", type=float, help="Memory time in seconds: hinsberg, windowed.")
+@click.option("--input", "kind", default=INPUTS[0], show_default=True, help="What the weights act on: rate or slip.")
+@with_kernel
+@click.option("--output", type=click.Path(path_type=Path), help="A CSV file instead of the screen.")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def weights(
+    scheme: str, steps: int, dt: float, order: int | None, rtol: float | None, window: float | None, kind: str, output: Path | None, force: bool, **options: Any
+) -> None:
+    """The weights w of SCHEME, newest first: H(t_n) ≈ Σ w[j] g(t_n − j dt), as CSV."""
+    if output is not None:
+        check_output(output, force)
+    kernel = kernel_of(**options)
+    given = {name: value for name, value in (("order", order), ("rtol", rtol), ("window", window)) if value is not None}
+    rule = rule_of(scheme, given, steps * dt, kernel)
+    found = rule.weights(steps, dt, kernel, kind)
+    text = csv_text(("j", "weight"), [[j, weight] for j, weight in enumerate(found)])
+    if output is None:
+        click.echo(text, nl=False)
+        return
+    with mistakes_of_files("--output"):
+        write(output, text)
+    click.echo(f"written: {output}")
+
+
+# What commands share
+
+
+def kernel_of(kernel: str, slip: float | None, diameter: float | None, viscosity: float) -> basset.Kernel:
+    """A kernel from its options."""
+    _validate.choice("kernel", kernel, KERNELS)
+    if kernel == "basset":
+        for name, value in (("slip", slip), ("diameter", diameter)):
+            if value is not None:
+                raise Mistake(f"--{name} has no meaning for --kernel basset")
+        return basset.BassetKernel()
+    if slip is None or diameter is None:
+        raise Mistake(f"--slip (m/s) and --diameter (m) must be given for --kernel {kernel}")
+    make = basset.MeiAdrianKernel if kernel == "mei_adrian" else basset.MeiAdrianKernel.dorgan_loth
+    return make(slip, diameter, viscosity)
+
+
+def rule_of(scheme: str, given: Mapping[str, Any], horizon: float, kernel: basset.Kernel) -> basset.Rule:
+    """A rule from its name and parameters; a windowed one is Daitche's, with a fitted tail if rtol is given."""
+    make = basset.SCHEMES[scheme]
+    names = {"windowed": ("order", "rtol", "window"), "exponential": ("order", "rtol"), "daitche": ("order",), "hinsberg": ("window",)}.get(scheme, ())
+    for name in given:
+        if name not in names:
+            raise Mistake(f"--{name} has no meaning for {scheme!r}")
+    if scheme != "windowed":
+        return make(**given)
+    if "window" not in given:
+        raise Mistake("--window (seconds) must be given for 'windowed'")
+    window = _validate.positive("window", given["window"], "seconds")
+    tail = basset.ExponentialSum.fit(0.5 * window, max(horizon, window) * 1.01, given["rtol"], kernel) if "rtol" in given else None
+    return basset.Windowed(basset.Daitche(given.get("order", 3)), window, tail)
+
+
+def csv_text(head: tuple[str, ...], rows: list[list[Any]]) -> str:
+    """Rows as CSV, numbers with all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([[repr(float(cell)) if isinstance(cell, (float, np.floating)) else cell for cell in row] for row in rows])
+    return text.getvalue()
+
+
+__all__ = ["main"]
