@@ -29,8 +29,8 @@ from basset.streaming import LONGEST
 USES = ("stream", "path")
 MARGINS = {"model": 3.0, "samples": 2.0}  # on predicted errors: no signal is the model, no stretch the whole path
 TAIL_SHARE = 0.2  # of the error allowed, for what a sum of exponentials loses
-STEPS = 2048  # of a signal on which schemes are tried, at most, and
-SCALES = 30.0  # so many time scales of it at most
+STEPS = 4096  # of a signal on which schemes are tried, at most; errors of shorter steps go by the declared order
+SCALES = 30.0  # length of the model in time scales, at most
 HIGHEST = 8  # degree of a product rule that is considered
 BLOCK = 64  # steps of a window before a tail
 SIZES = 2.0 ** (-np.arange(-4, 49) / 4.0)  # steps that are considered, in time scales
@@ -46,20 +46,28 @@ class Machine:
 
     Attributes
     ----------
-    call : tuple of float
+    call, path : float
         A short call: of a stream, of a path by FFT.
     step, column, node, term : float
         A stream: per step; per step and column; of these per remembered node and per exponential.
-    transform : tuple of float
-        A path by FFT, per step and column: times log2 of the steps; more where it does not fit into a fast cache.
+    stall : float
+        A stream, per step and column, where a window's nodes fill whole vectors: the newest one is read before it is written.
+    whole : float
+        A stream, per step and column, where the whole history is kept.
+    transform, spill : float
+        A path by FFT, per step and column: times log2 of the steps; on top, where it does not fit into a fast cache.
     """
 
-    call: tuple[float, float]
+    call: float
+    path: float
     step: float
     column: float
     node: float
     term: float
-    transform: tuple[float, float]
+    stall: float
+    whole: float
+    transform: float
+    spill: float
 
 
 @dataclass(frozen=True)
@@ -261,7 +269,7 @@ def _length(dt: float | None, steps: int | None, duration: float | None) -> floa
 
 @dataclass(frozen=True)
 class Signal:
-    """A rate on which schemes are tried, over `STEPS` steps at most.
+    """A rate on which schemes are tried.
 
     Attributes
     ----------
@@ -281,7 +289,10 @@ class Signal:
 
     def error(self, rule: Rule, dt: float, kernel: Kernel) -> float:
         """Largest error of the whole-history rule from one time scale on, relative to the largest |H|."""
-        steps = int(min(STEPS, max(8, math.floor(self.length / dt * (1.0 + 1e-9)))))
+        shortest = min(self.length / STEPS, self.scale / 32.0)
+        if dt < shortest:
+            return float(self.error(rule, shortest, kernel) * (dt / shortest) ** rule.error_order + ROUNDING)
+        steps = max(8, math.floor(self.length / dt * (1.0 + 1e-9)))
         settled = min(steps, math.ceil(self.scale / dt))
         exact = self._truth(dt, steps, kernel)
         wrong = np.abs(cumulate(self.rate(dt * np.arange(steps + 1)), dt, rule, kernel) - exact)[settled:]
@@ -402,8 +413,8 @@ class Job:
         try:
             rule = family(dt)
             window, tail = remembered(rule, dt, steps, self.kernel)
-            if self.use == "stream" and window is None and steps > LONGEST:
-                return None
+            if window is None and (isinstance(rule, Windowed) or (self.use == "stream" and steps > LONGEST)):
+                return None  # no window, or no room
             wrong = self.signal.error(rule._remembered, dt, self.kernel)
         except ValueError:  # no form for the kernel, no sum that reaches so far
             return None
@@ -442,21 +453,24 @@ def remembered(rule: Rule, dt: float, steps: int, kernel: Kernel) -> tuple[int |
 
 # Times and bytes
 
-CACHED = 2**15  # samples whose transforms fit into a fast cache
+VECTOR = 4  # samples that are read at once
+CACHED = 2**17  # samples whose transforms fit into a fast cache
 
 
 def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int, use: str, machine: Machine) -> tuple[float, int]:
     """(seconds, bytes) for a whole path."""
     if use == "path" and not rule._has_tail:
         beyond = min(1.0, max(0.0, 0.5 * math.log2(steps * columns / CACHED)))
-        each = machine.transform[0] * math.log2(steps + 1) + machine.transform[1] * beyond
-        return machine.call[1] + each * steps * columns, 48 * steps * columns
-    nodes = 0.5 * steps if window is None else float(window)
-    seconds = machine.call[0] + steps * (machine.step + columns * (machine.column + machine.node * nodes + machine.term * terms))
+        each = machine.transform * math.log2(steps + 1) + machine.spill * beyond
+        return machine.path + each * steps * columns, 48 * steps * columns
     base = rule._remembered
-    lags = 2 * ((base.order if isinstance(base, Daitche) else 1) + 1) // 2
-    slots = 2 * (steps + 1) if window is None else 3 * (window + 1) + lags
-    return seconds, 8 * columns * (slots + terms + 1)
+    each = machine.column + machine.term * terms
+    if window is None:
+        each, slots = each + machine.whole + machine.node * 0.5 * steps, 2 * (steps + 1)
+    else:
+        nodes = window + 1 + ((base.order if isinstance(base, Daitche) else 1) + 1) // 2
+        each, slots = each + machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0), 2 * nodes + window + 1
+    return machine.call + steps * (machine.step + columns * each), 8 * columns * (slots + terms + 1)
 
 
 def calibrated() -> Machine:
@@ -485,24 +499,28 @@ def calibrate() -> Machine:
     random = np.random.default_rng(0).random
     wide, steps = 64, {1: 8192, 64: 256}  # by columns
     work: dict[str, tuple[Rule, int]] = {"narrow": (Exponential(3, 1e-2), 1), "low": (Exponential(3, 1e-2), wide), "high": (Exponential(3, 1e-10), wide)}
-    work |= {"few": (Windowed(Daitche(1), 32.0), wide), "many": (Windowed(Daitche(1), 1024.0), wide)}
-    terms = {}
+    work |= {"stalled": (Exponential(2, 1e-2), wide), "few": (Windowed(Daitche(1), 32.0), wide), "many": (Windowed(Daitche(1), 1024.0), wide)}
+    terms, small = {}, random((BLOCK, wide))
     contenders: dict[str, Callable[[], Any]] = {}
     for name, (rule, columns) in work.items():
         plan = rule.plan(1.0, 1e5)
         terms[name] = len(plan.tail_sum or ())
         contenders[name] = partial(_march, plan, plan.start((columns,)), random((steps[columns], columns)))
-    contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 32)), ("path", 64))}
+    contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 128)), ("path", 64))}
+    brief = Daitche(3).plan(1.0, float(BLOCK))
+    contenders["whole"] = lambda: brief.run(brief.start((wide,)), small)
     contenders["stream"] = partial(cumulate, random(64), 1.0, Exponential(3, 1e-2))
-    taken = measure.interleaved(contenders, rounds=15, seconds=0.002)
-    narrow, low, high, few, many = (taken[name] / steps[columns] for name, (_, columns) in work.items())
+    taken = measure.interleaved(contenders, rounds=10, seconds=0.002)
+    narrow, low, high, stalled, few, many = (taken[name] / steps[columns] for name, (_, columns) in work.items())
     node = max((many - few) / (wide * (1024 - 32)), 1e-12)
     term = max((high - low) / (wide * (terms["high"] - terms["low"])), 1e-12)
     column = max((low - narrow) / (wide - 1) - term * terms["low"], 1e-12)
+    stall = max((stalled - low) / wide - term * (terms["stalled"] - terms["low"]), 0.0)
     step = max(narrow - column - term * terms["low"], 0.0)
-    cached = taken["small"] / (2**13 * 8)
-    beyond = max(taken["large"] / 2**17 - cached * 12, 0.0)
-    return Machine((taken["stream"], taken["path"]), step, column, node, term, (cached, beyond))
+    whole = max(taken["whole"] / small.size - column - 0.5 * node * BLOCK, 0.0)
+    transform = taken["small"] / (2**13 * 8)
+    spill = max(taken["large"] / 2**19 - transform * 12, 0.0)
+    return Machine(taken["stream"], taken["path"], step, column, node, term, stall, whole, transform, spill)
 
 
 def _march(plan: Any, state: Any, G: Floats) -> None:

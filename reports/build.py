@@ -12,7 +12,7 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import analysis, figures, flights, grains, memory, saltation, solver
+from reports import advice, analysis, figures, flights, grains, memory, saltation, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
 
@@ -287,6 +287,9 @@ def front(data: dict[str, Record]) -> str:
             "* [What the memory of the past costs in time, bytes and digits](memory.md): windows, tails and sums of exponentials, one sample at a time.",
             memory.opening(data),
             "![time and bytes against the steps remembered](figures/memory_costs.png)",
+            "* [Which scheme for this accuracy?](advice.md): what `basset.advise` takes, beside the fastest that is really as exact.",
+            advice.opening(data),
+            "![time over the fastest, per problem and accuracy](figures/advice_ratios.png)",
             "* [What a digit costs, and what a jump does to each scheme's order](solver.md): equations with memory, every scheme and graded collocation.",
             solver.opening(data),
             "![measured orders before and after a jump](figures/solver_orders.png)",
@@ -311,6 +314,7 @@ def main() -> None:
     with mpl.rc_context(LOOK):
         pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data)}
         pages |= {"saltation.md": saltation.saltation(data), "flights.md": flights.flights(data), "grains.md": grains.grains(data), "README.md": front(data)}
+        pages["advice.md"] = advice.advice(data)
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

@@ -89,8 +89,8 @@ def cases() -> Iterator[Case]:
     for name, scale in (("growth", 1.0), ("sine_with_slip", 1.0), ("power_10", 0.1)):  # short paths: for many particles
         problem = PROBLEMS[name]
         assert problem.rate is not None
-        wide = {"rate": repeated(problem.rate, 30), "exact": repeated(problem.exact, 30), "particles": 10, "components": 3}
-        case = Case(name, f"{problem.description}, 10 particles", scale=scale, length=problem.end, initial_slip=problem.initial_slip, **wide)
+        wide = {"rate": repeated(problem.rate, 300), "exact": repeated(problem.exact, 300), "particles": 100, "components": 3}
+        case = Case(name, f"{problem.description}, 100 particles", scale=scale, length=problem.end, initial_slip=problem.initial_slip, **wide)
         yield case
         if name != "sine_with_slip":  # no oscillation: a time scale says less than samples
             yield replace(case, name=f"{name}, sampled", description=f"{case.description}, from samples", samples=True)
