@@ -453,6 +453,7 @@ def remembered(rule: Rule, dt: float, steps: int, kernel: Kernel) -> tuple[int |
 
 # Times and bytes
 
+SHORT = 512  # steps of a path whose call is measured
 VECTOR = 4  # samples that are read at once
 CACHED = 2**17  # samples whose transforms fit into a fast cache
 
@@ -506,10 +507,10 @@ def calibrate() -> Machine:
         plan = rule.plan(1.0, 1e5)
         terms[name] = len(plan.tail_sum or ())
         contenders[name] = partial(_march, plan, plan.start((columns,)), random((steps[columns], columns)))
-    contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 128)), ("path", 64))}
+    contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 128)), ("path", SHORT))}
     brief = Daitche(3).plan(1.0, float(BLOCK))
     contenders["whole"] = lambda: brief.run(brief.start((wide,)), small)
-    contenders["stream"] = partial(cumulate, random(64), 1.0, Exponential(3, 1e-2))
+    contenders["stream"] = partial(cumulate, random(SHORT), 1.0, Exponential(3, 1e-2))
     taken = measure.interleaved(contenders, rounds=10, seconds=0.002)
     narrow, low, high, stalled, few, many = (taken[name] / steps[columns] for name, (_, columns) in work.items())
     node = max((many - few) / (wide * (1024 - 32)), 1e-12)
@@ -520,7 +521,9 @@ def calibrate() -> Machine:
     whole = max(taken["whole"] / small.size - column - 0.5 * node * BLOCK, 0.0)
     transform = taken["small"] / (2**13 * 8)
     spill = max(taken["large"] / 2**19 - transform * 12, 0.0)
-    return Machine(taken["stream"], taken["path"], step, column, node, term, stall, whole, transform, spill)
+    call = max(taken["stream"] - SHORT * (step + column + term * terms["low"]), 0.0)
+    path = max(taken["path"] - SHORT * transform * math.log2(SHORT), 0.0)
+    return Machine(call, path, step, column, node, term, stall, whole, transform, spill)
 
 
 def _march(plan: Any, state: Any, G: Floats) -> None:

@@ -193,7 +193,7 @@ class Trial:
         calls[advised] = self.call(*advised)
         seconds = measure.interleaved(calls, rounds=rounds, seconds=0.003)
         fastest = min(seconds, key=lambda rival: seconds[rival])
-        last = measure.interleaved({rival: calls[rival] for rival in {fastest, advised}}, rounds=4 * rounds, seconds=0.003)
+        last = measure.interleaved({rival: calls[rival] for rival in {fastest, advised}}, rounds=6 * rounds, seconds=0.003)
         taken, least = min(seconds[advised], last[advised]), min(*seconds.values(), *last.values())
         return {
             "case": self.case.name,
