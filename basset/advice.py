@@ -397,15 +397,15 @@ class Job:
 
     def longest(self, family: Family) -> Candidate | None:
         """The candidate with the longest step that keeps the error, or with the shortest one."""
-        found, low, high = None, 0, len(SIZES) - 1
+        best, nearest, low, high = None, None, 0, len(SIZES) - 1
         while low <= high:  # the error falls with the step
             middle = (low + high) // 2
             candidate = self.predicted(family, float(self.signal.scale * SIZES[middle]))
             if candidate is not None and candidate.error <= self.error:
-                found, high = candidate, middle - 1
+                best, high = candidate, middle - 1
             else:
-                found, low = found or candidate, middle + 1
-        return found
+                nearest, low = candidate or nearest, middle + 1
+        return best or nearest
 
     def predicted(self, family: Family, dt: float) -> Candidate | None:
         """A candidate at one step; None where the scheme cannot be had."""
@@ -431,7 +431,8 @@ def families(job: Job) -> Iterator[Family]:
         yield lambda dt, scheme=scheme: scheme()  # type: ignore[misc]
     yield lambda dt: Hinsberg(BLOCK * dt)
     digits = max(1e-14, min(0.1, TAIL_SHARE * job.error / job.signal.margin))
-    rtol = float(f"{digits:.0e}") if float(f"{digits:.0e}") <= digits else float(f"{0.5 * digits:.0e}")
+    decade = math.floor(math.log10(digits))
+    rtol = float(f"{math.floor(digits * 10.0**-decade)}e{decade}")
     for order in range(1, HIGHEST + 1):
         yield lambda dt, order=order: Daitche(order)  # type: ignore[misc]
         yield lambda dt, order=order: Exponential(order, rtol)  # type: ignore[misc]

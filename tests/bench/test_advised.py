@@ -1,0 +1,50 @@
+"""The suite and the page on advice: problems are what they say, and misses are counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import basset
+from bench.suites import advice as suite
+from reports import advice as page
+
+CASES = {case.name: case for case in suite.cases()}
+
+
+def test_there_are_enough_problems_of_every_kind():
+    assert len({name.split(",")[0] for name in CASES}) >= 12
+    assert {case.samples for case in CASES.values()} == {True, False}
+    assert len({type(case.kernel) for case in CASES.values()} | {case.kernel for case in CASES.values()}) > 3
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.exact is not None])
+def test_closed_forms_are_those_of_the_rates(name):
+    case = CASES[name]
+    dt, steps = case.scale / 16.0, 200
+    found = basset.cumulate(case.rate(dt * np.arange(steps + 1)), dt, basset.Daitche(10), initial_slip=case.initial_slip)[1:]
+    exact = case.truth(dt, steps)
+    assert np.abs(found - exact)[16:].max() <= 1e-9 * np.abs(exact[16:]).max()
+
+
+def test_finer_runs_agree_with_closed_forms():
+    case = CASES["damped"]
+    exact = case.truth(0.1, 100)
+    np.testing.assert_allclose(replace(case, exact=None).truth(0.1, 100), exact, atol=1e-11 * np.abs(exact).max())
+
+
+def row(ratio, measured=1e-4, error=1e-3, case="a", **more):
+    return {"case": case, "error": error, "measured": measured, "ratio": ratio, **more}
+
+
+def test_what_is_too_slow_or_not_exact_enough_is_a_miss():
+    rows = [row(1.2), row(1.6, case="b"), row(2.0, case="c")]
+    assert [found["case"] for found in page.missed(rows)] == ["c", "b"]
+    assert [target.met for target in page.targets(rows)] == [False, True, False]
+    assert not page.targets([row(1.0, measured=2e-3)])[1].met
+
+
+def test_problems_told_twice_count_once():
+    rows = [row(1.0, case=f"p{i}") for i in range(11)] + [row(1.0, case="p1, sampled")]
+    assert not page.targets(rows)[0].met
+    assert page.targets([*rows, row(1.0, case="p12")])[0].met
