@@ -6,7 +6,8 @@ import statistics
 from collections.abc import Sequence
 
 from reports import advice_figures as figures
-from reports.analysis import Record, Target, select, short
+from reports.advice_figures import where
+from reports.analysis import Record, Target, short
 from reports.page import asked, factor, fill, footer, grouped, save, table
 
 MOST = 1.5  # times the fastest that really meets
@@ -39,7 +40,7 @@ def schemes(rows: Sequence[Record], error: float) -> str:
     """One cell: what a stream and a path were advised, the true errors, the times over the fastest."""
     cells = []
     for use in ("stream", "path"):
-        row = select(rows, use=use, error=error)[0]
+        row = where(rows, use=use, error=error)[0]
         cells.append(f"{row['scheme'].replace('Exponential', 'Exp')} × {grouped(row['steps'])}, {short(row['measured'], 1)}, {slow(row['ratio'])}")
     return "<br>".join(cells)
 
@@ -51,11 +52,11 @@ def slow(ratio: float) -> str:
 
 def advised(data: Record, step: str) -> str:
     """All problems with one kind of step."""
-    rows = select(data["rows"], step=step)
+    rows = where(data["rows"], step=step)
     errors = sorted({row["error"] for row in rows}, reverse=True)
     lines = []
     for name in data["descriptions"]:
-        own = select(rows, case=name)
+        own = where(rows, case=name)
         if own:
             lines.append([data["descriptions"][name], own[0]["told"], *(schemes(own, error) for error in errors)])
     return table(["problem", "told", *(f"asked: {short(error)}" for error in errors)], lines)
@@ -67,7 +68,7 @@ def groups(rows: Sequence[Record]) -> str:
     for told in ("time scale", "samples"):
         for step, label in STEPS.items():
             for use in ("stream", "path"):
-                own = select(rows, told=told, step=step, use=use)
+                own = where(rows, told=told, step=step, use=use)
                 ratios = [row["ratio"] for row in own]
                 errors = [row["measured"] / row["error"] for row in own]
                 lines.append(
@@ -105,8 +106,8 @@ def opening(data: dict[str, Record]) -> str:
         most=f"{MOST:g}",
         median=f"{statistics.median(ratios):.2f}",
         slowest=f"{max(ratios):.2f}",
-        sampled=len(missed(select(rows, told="samples"))),
-        scaled=len(missed(select(rows, told="time scale"))),
+        sampled=len(missed(where(rows, told="samples"))),
+        scaled=len(missed(where(rows, told="time scale"))),
         longest=f"{1e3 * max((row['seconds'] for row in found), default=0.0):.2g}",
     )
 

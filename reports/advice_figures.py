@@ -9,10 +9,15 @@ import matplotlib.pyplot as plt
 
 from basset._look import BLUE, GREEN, RED
 from basset._look import legend as _legend
-from reports.analysis import Record, select, short
+from reports.analysis import Record, short
 
 COLOURS = {1e-3: GREEN, 1e-6: BLUE, 1e-9: RED}
 MARKERS = {("stream", "chosen"): "o", ("path", "chosen"): "s", ("stream", "given"): "x", ("path", "given"): "+"}
+
+
+def where(rows: Sequence[Record], **fields: Any) -> list[Record]:
+    """The rows with these values."""
+    return [row for row in rows if all(row[name] == value for name, value in fields.items())]
 
 
 def ratios(rows: Sequence[Record], most: float) -> Any:
@@ -21,7 +26,7 @@ def ratios(rows: Sequence[Record], most: float) -> Any:
     names = list(dict.fromkeys(row["case"] for row in rows))
     for i, (error, colour) in enumerate(COLOURS.items()):
         for (use, step), marker in MARKERS.items():
-            own = [row for row in select(rows, use=use, step=step) if abs(row["error"] / error - 1.0) < 1e-6]
+            own = [row for row in where(rows, use=use, step=step) if abs(row["error"] / error - 1.0) < 1e-6]
             places = [names.index(row["case"]) + 0.22 * (i - 1) for row in own]
             axes.semilogy(places, [row["ratio"] for row in own], marker, color=colour, label=f"{short(error)}, {use}, dt {step}")
     axes.axhline(most, color="#999999", linestyle=":")
