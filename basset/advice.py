@@ -53,7 +53,7 @@ class Machine:
     stall : float
         A stream, per step and column, where a window's nodes fill whole vectors: the newest one is read before it is written.
     whole : float
-        A stream, per step and column, where the whole history is kept.
+        A stream, per step and column, while the whole history is kept.
     transform, spill : float
         A path by FFT, per step and column: times log2 of the steps; on top, where it does not fit into a fast cache.
     """
@@ -454,7 +454,7 @@ def remembered(rule: Rule, dt: float, steps: int, kernel: Kernel) -> tuple[int |
 
 # Times and bytes
 
-SHORT = 512  # steps of a path whose call is measured
+SHORT = 512  # steps of a path whose call is measured; it fits into a fast cache beside any number of others
 VECTOR = 4  # samples that are read at once
 CACHED = 2**17  # samples whose transforms fit into a fast cache
 
@@ -462,15 +462,16 @@ CACHED = 2**17  # samples whose transforms fit into a fast cache
 def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int, use: str, machine: Machine) -> tuple[float, int]:
     """(seconds, bytes) for a whole path."""
     if use == "path" and not rule._has_tail:
-        beyond = min(1.0, max(0.0, 0.5 * math.log2(steps * columns / CACHED)))
+        beyond = min(1.0, max(0.0, 0.5 * math.log2(steps * columns / CACHED))) * min(1.0, max(0.0, math.log2(steps / SHORT) / 3.0))
         each = machine.transform * math.log2(steps + 1) + machine.spill * beyond
         return machine.path + each * steps * columns, 48 * steps * columns
-    base = rule._remembered
+    degree = int(rule.error_order) - 1
     each = machine.column + machine.term * terms
     if window is None:
         each, slots = each + machine.whole + machine.node * 0.5 * steps, 2 * (steps + 1)
     else:
-        nodes = window + 1 + ((base.order if isinstance(base, Daitche) else 1) + 1) // 2
+        nodes = window + 1 + (degree + 1) // 2
+        each += machine.whole * min(1.0, max(degree + 1, nodes - 2) / steps)  # until the window is full
         each, slots = each + machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0), 2 * nodes + window + 1
     return machine.call + steps * (machine.step + columns * each), 8 * columns * (slots + terms + 1)
 

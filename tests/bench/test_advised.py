@@ -33,18 +33,18 @@ def test_finer_runs_agree_with_closed_forms():
     np.testing.assert_allclose(replace(case, exact=None).truth(0.1, 100), exact, atol=1e-11 * np.abs(exact).max())
 
 
-def row(ratio, measured=1e-4, error=1e-3, case="a", **more):
-    return {"case": case, "error": error, "measured": measured, "ratio": ratio, **more}
+def row(ratio, measured=1e-4, case="a", step="given"):
+    return {"case": case, "error": 1e-3, "measured": measured, "ratio": ratio, "step": step}
 
 
 def test_what_is_too_slow_or_not_exact_enough_is_a_miss():
-    rows = [row(1.2), row(1.6, case="b"), row(2.0, case="c")]
+    rows = [row(1.2), row(1.6, case="b", step="chosen"), row(2.0, case="c", step="chosen")]
     assert [found["case"] for found in page.missed(rows)] == ["c", "b"]
-    assert [target.met for target in page.targets(rows)] == [False, True, False]
-    assert not page.targets([row(1.0, measured=2e-3)])[1].met
+    assert [target.met for target in page.targets(rows)] == [False, True, False, True]
+    assert not page.targets([*rows, row(1.0, measured=2e-3)])[1].met
 
 
 def test_problems_told_twice_count_once():
-    rows = [row(1.0, case=f"p{i}") for i in range(11)] + [row(1.0, case="p1, sampled")]
+    rows = [row(1.0, case=f"p{i}") for i in range(11)] + [row(1.0, case="p1, sampled", step="chosen")]
     assert not page.targets(rows)[0].met
     assert page.targets([*rows, row(1.0, case="p12")])[0].met
