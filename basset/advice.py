@@ -428,15 +428,19 @@ class Job:
 def families(job: Job) -> Iterator[Family]:
     """Every scheme that is considered; a window without tail is not, as it keeps no error."""
     for scheme in (SemiDerivative, EulerMaclaurin, Brush):
-        yield lambda dt, scheme=scheme: scheme()  # type: ignore[misc]
+        yield partial(_at_any_step, scheme())
     yield lambda dt: Hinsberg(BLOCK * dt)
     digits = max(1e-14, min(0.1, TAIL_SHARE * job.error / job.signal.margin))
     decade = math.floor(math.log10(digits))
     rtol = float(f"{math.floor(digits * 10.0**-decade)}e{decade}")
     for order in range(1, HIGHEST + 1):
-        yield lambda dt, order=order: Daitche(order)  # type: ignore[misc]
-        yield lambda dt, order=order: Exponential(order, rtol)  # type: ignore[misc]
+        yield partial(_at_any_step, Daitche(order))
+        yield partial(_at_any_step, Exponential(order, rtol))
         yield partial(_windowed, order, rtol, job)
+
+
+def _at_any_step(rule: Rule, dt: float) -> Rule:
+    return rule
 
 
 def _windowed(order: int, rtol: float, job: Job, dt: float) -> Rule:

@@ -21,6 +21,7 @@ from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
 from basset.kernels import Floats
 from saltation import plots, statistics
 from saltation.cloud_result import CloudResult
+from saltation.grains import RANGES
 from saltation.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
 from saltation.plots import SPREAD, draw_moments, styled
 from saltation.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
@@ -418,8 +419,7 @@ def moments_of(result: CloudResult) -> tuple[Floats, Floats]:
 
 def ranges_for(lags: Floats, tau: float) -> list[tuple[float, float]]:
     """Within a jump, some jumps, many: as far as four lags lie in them (d/u*)."""
-    wanted = [(0.0, 0.3 * tau), (2.0 * tau, 20.0 * tau), (40.0 * tau, math.inf)]
-    bounded = [(max(low, float(lags[0])), min(high, float(lags[-1]))) for low, high in wanted]
+    bounded = [(max(low * tau, float(lags[0])), min(high * tau, float(lags[-1]))) for low, high in RANGES.values()]
     return [(low, high) for low, high in bounded if ((lags >= low) & (lags <= high)).sum() >= 4]
 
 

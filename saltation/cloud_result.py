@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,9 +14,8 @@ import xarray as xr
 
 from basset.kernels import Floats
 from saltation import encounters, flight, statistics
-from saltation._files import replacing
 from saltation.engine import REST
-from saltation.result import UNITS, shares, table_in, table_of
+from saltation.result import UNITS, Kept, shares, table_in, table_of
 from saltation.scene import scene_of
 
 WHOLE = ("grain", "first", "second")  # columns that count grains
@@ -39,7 +37,7 @@ def encounter_unit(name: str) -> str:
 
 
 @dataclass(eq=False)
-class CloudResult:
+class CloudResult(Kept):
     """A run of many grains. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
 
     Attributes
@@ -152,27 +150,8 @@ class CloudResult:
             whole[f"fate_{name}"] = ("fate", values.to_numpy())
         if self._path is not None or (self._parts and self.scene.run.trajectory):
             whole = whole.merge(self.trajectory, combine_attrs="override")
-        whole.attrs = {
-            "scene": self.scene.model_dump_json(exclude_none=True),
-            "status": self.status,
-            "message": self.message,
-            "provenance": json.dumps(self.provenance),
-            "diameter": self.scene.numbers.diameter,
-            "velocity": self.scene.numbers.velocity,
-            "end": self.time,
-        }
+        whole.attrs = self._told() | {"end": self.time}
         return whole
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
-
-        Raises
-        ------
-        OSError
-            If the folder does not exist or cannot be written; nothing is left behind.
-        """
-        with replacing(path) as name:
-            self.dataset().to_netcdf(name, engine="scipy")
 
     @classmethod
     def of_dataset(cls, scene: Any, whole: xr.Dataset) -> CloudResult:

@@ -89,8 +89,43 @@ def table_of(rows: Floats, stokes: float) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+class Kept:
+    """What all results have in common: the attributes of their dataset, and how it becomes a file."""
+
+    scene: Any
+    status: str
+    message: str
+    provenance: dict[str, Any]
+
+    def dataset(self) -> xr.Dataset:
+        """Everything as one dataset."""
+        raise NotImplementedError
+
+    def _told(self) -> dict[str, Any]:
+        numbers = self.scene.numbers
+        return {
+            "scene": self.scene.model_dump_json(exclude_none=True),
+            "status": self.status,
+            "message": self.message,
+            "provenance": json.dumps(self.provenance),
+            "diameter": numbers.diameter,
+            "velocity": numbers.velocity,
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
+
+        Raises
+        ------
+        OSError
+            If the folder does not exist or cannot be written; nothing is left behind.
+        """
+        with replacing(path) as name:
+            self.dataset().to_netcdf(name, engine="scipy")
+
+
 @dataclass(eq=False)
-class Result:
+class Result(Kept):
     """A run of one grain. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
 
     Attributes
@@ -214,27 +249,8 @@ class Result:
         whole = xr.Dataset({f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), told[name]) for name in self.all_jumps})
         if self._path is not None or self._record is not None:
             whole = whole.merge(self.trajectory, combine_attrs="override")
-        numbers = self.scene.numbers
-        whole.attrs = {
-            "scene": self.scene.model_dump_json(exclude_none=True),
-            "status": self.status,
-            "message": self.message,
-            "provenance": json.dumps(self.provenance),
-            "diameter": numbers.diameter,
-            "velocity": numbers.velocity,
-        }
+        whole.attrs = self._told()
         return whole
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
-
-        Raises
-        ------
-        OSError
-            If the folder does not exist or cannot be written; nothing is left behind.
-        """
-        with replacing(path) as name:
-            self.dataset().to_netcdf(name, engine="scipy")
 
 
 def open_result(path: str | os.PathLike[str]) -> Any:

@@ -7,6 +7,7 @@ of encounters know place, time and velocities of every contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,10 +73,10 @@ class Track:
         return ends, (self.before[1:] - self.after[:-1])[long] / size[long, None]
 
 
-def columns(table: object, names: tuple[str, ...]) -> Floats:
+def columns(table: Any, names: tuple[str, ...]) -> Floats:
     """Columns as (rows, 3); what a scene in the plane has not is 0."""
-    n = len(table)  # type: ignore[arg-type]
-    return np.stack([np.asarray(table[name], dtype=np.float64) if name in table else np.zeros(n) for name in names], axis=1)  # type: ignore[index,operator]
+    n = len(table)
+    return np.stack([np.asarray(table[name], dtype=np.float64) if name in table else np.zeros(n) for name in names], axis=1)
 
 
 def image(result: CloudResult, here: Floats, there: Floats) -> Floats:

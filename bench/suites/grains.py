@@ -163,8 +163,13 @@ def study() -> dict[str, Any]:
 
         found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}
         found |= {"runs": records(table), "slow": records(slow(table, opened)), "moments": [moments(opened, meeting) for meeting in (True, False)]}
-        found["profile"] = records(opened(f"{SPREAD}_with").profiles(40, 50.0))
-    return {"seconds": seconds, "workers": campaigns.cores(), **found}
+    return {"seconds": seconds, "workers": campaigns.cores(), **found, "clipped": [clipped(scatter) for scatter in (False, True)]}
+
+
+def clipped(scatter: bool) -> dict[str, Any]:
+    """How often the grains of the shipped cloud meet when contact angles are clipped at 30°, with and without scatter across by the bed."""
+    content = changed(read(shipped()["sand_cloud"]), bed={"roughness": "R7", "reading": "clip", "span_scatter": scatter}, run={"trajectory": False})
+    return {"scatter": scatter, **saltation.run(scene_of(content)).frequencies()}
 
 
 def slow(table: pd.DataFrame, opened: Any) -> pd.DataFrame:
