@@ -1,4 +1,4 @@
-"""The commands `saltation run|check|schema|scenes|campaign|plot`.
+"""The commands `saltation run|check|advise|ablate|uncertainty|schema|scenes|campaign|plot`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -26,7 +26,7 @@ from rich.table import Table
 import saltation
 from basset import __version__, _validate
 from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
-from saltation import campaigns, checks, grains, statistics
+from saltation import advice, advice_plots, campaigns, checks, grains, statistics
 from saltation._files import write
 from saltation.result import UNITS, Result
 from saltation.scene import Scene, SceneError, read, scene_of, shipped
@@ -169,6 +169,73 @@ def check(scene: str, changes: tuple[str, ...]) -> None:
     out.print(f"\nnot computed: {', '.join(checks.left_out(made)) or 'nothing is left out'}")
     for warning in checks.warnings(made):
         out.print(f"\nwarning: {warning}")
+
+
+@main.command()
+@click.argument("scene")
+@SET
+def advise(scene: str, changes: tuple[str, ...]) -> None:
+    """Which effects SCENE calls for, from its dimensionless numbers: each with the reason and the source."""
+    made = scene_of(changed(read(scene), changes))
+    out = console()
+    table = Table("effect", "in the scene", "share", "", "why", "source", box=None)
+    for row in advice.advise(made):
+        table.add_row(row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source)
+    out.print(table)
+    out.print(f"\nestimates for a typical jump; `saltation ablate {scene}` measures, effects = 'auto' chooses by measurement")
+
+
+@main.command()
+@click.argument("scene")
+@SET
+@click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative standard error of the mean height.")
+@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
+    """Run SCENE with each of its effects left out: what each changes in H, L and ū, and what it costs in time."""
+    made = prepared(scene, changes, error, output, force)
+    with progress("leaving out", TimeElapsedColumn()) as report:
+        table = advice.ablate(made, error=error, progress=report)
+    print_changes(console(), table)
+    deliver(output, table, advice_plots.ablation)
+
+
+@main.command()
+@click.argument("scene")
+@SET
+@click.option("--error", type=float, default=0.02, show_default=True, help="Wanted relative standard error of the mean height.")
+@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def uncertainty(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
+    """The spread over the choices of SCENE that measurement has not settled, beside the standard error."""
+    made = prepared(scene, changes, error, output, force)
+    with progress("varying", TimeElapsedColumn()) as report:
+        table = advice.uncertainty(made, error=error, progress=report)
+    print_changes(console(), table.set_index(["choice", "value"]))
+    deliver(output, table, advice_plots.spread)
+
+
+def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Any:
+    """The scene; mistakes are found before anything is computed."""
+    if not 1e-3 <= error <= 0.5:
+        raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
+    if output is not None:
+        if output.suffix not in (".csv", ".png", ".pdf", ".svg"):
+            raise Mistake(f"--output must end in .csv, .png, .pdf or .svg, got {str(output)!r}")
+        check_output(output, force)
+    return scene_of(changed(read(scene), changes))
+
+
+def deliver(output: Path | None, table: pd.DataFrame, picture: Callable[[pd.DataFrame], Any]) -> None:
+    """Write the table or its picture."""
+    if output is None:
+        return
+    with mistakes_of_files("--output"):
+        if output.suffix == ".csv":
+            write(output, table.to_csv())
+        else:
+            draw(picture(table), output)
+    click.echo(f"written: {output}")
 
 
 @main.command()
@@ -470,6 +537,18 @@ def print_summary(out: Console, summary: pd.DataFrame) -> None:
         values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
         table.add_row(str(name), *values, UNITS[str(name)][0])
     out.print(table)
+
+
+def print_changes(out: Console, table: pd.DataFrame) -> None:
+    """Relative changes of H, L and ū against the first row, in per cent with their standard errors."""
+    names = [name for name in table.index.names if name is not None] or [""]
+    timed = ["time"] if "time" in table and table["time"].notna().any() else []
+    shown = Table(*names, "status", "jumps", *(f"{name} (%)" for name in statistics.VARIABLES), *(["time per jump"] if timed else []), box=None)
+    for index, row in table.iterrows():
+        labels = index if isinstance(index, tuple) else (index,)
+        cells = [f"{100 * row[f'{name}_change']:+.1f} ± {100 * row[f'{name}_error']:.1g}" for name in statistics.VARIABLES]
+        shown.add_row(*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed))
+    out.print(shown)
 
 
 def print_means(out: Console, table: pd.DataFrame) -> None:

@@ -22,8 +22,9 @@ from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
 from saltation.grain import Numbers, numbers_of
-from saltation.presets import PRESETS
+from saltation.presets import ALL, PRESETS, Preset
 
+AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
 FINEST = 1e-13  # relative error of sums of exponentials
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
@@ -175,10 +176,11 @@ class Run(Table):
 
 
 def _effects(value: Any) -> Any:
-    """A preset's name, or a list of effects."""
+    """A preset's name, "auto", or a list of effects."""
     if isinstance(value, str):
-        if value not in PRESETS:
-            raise ValueError(f"must be a list of effects or one of {', '.join(map(repr, PRESETS))}, got {value!r}{_validate.suggestion(value, PRESETS)}")
+        words = (AUTO, *PRESETS)
+        if value not in words:
+            raise ValueError(f"must be a list of effects or one of {', '.join(map(repr, words))}, got {value!r}{_validate.suggestion(value, words)}")
         return value
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError(f"must be a list of at least one of {', '.join(map(repr, EFFECTS))}, got {_validate.shown(value)}")
@@ -194,7 +196,8 @@ def _effects(value: Any) -> Any:
 class Basis(Table):
     """What every scene has; `Scene` adds one table per effect."""
 
-    effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, or a preset by author: " + ", ".join(PRESETS))
+    effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
+    tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū, for effects = 'auto'; default 0.05")
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
     grain: Grain = Field(description="a table: density and diameter")
@@ -207,13 +210,20 @@ class Basis(Table):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effects, presets written out."""
-        return tuple(PRESETS[self.effects].effects if isinstance(self.effects, str) else self.effects)
+        """The effects, presets written out; all of them where they are still to be chosen."""
+        return tuple(self._preset.effects if isinstance(self.effects, str) else self.effects)
+
+    @property
+    def _preset(self) -> Preset:
+        """What a word for the effects stands for."""
+        if self.effects == AUTO:
+            return Preset((*ALL, "encounters") if self.cloud is not None else ALL, 3)
+        return PRESETS[str(self.effects)]
 
     @property
     def in_plane(self) -> bool:
         """Whether the scene has two dimensions."""
-        default = PRESETS[self.effects].dimensions if isinstance(self.effects, str) else 3
+        default = self._preset.dimensions if isinstance(self.effects, str) else 3
         return (self.dimensions or default) == 2
 
     def options(self, name: str) -> Any:
@@ -221,7 +231,7 @@ class Basis(Table):
         given = getattr(self, name)
         if given is not None:
             return given
-        preset = PRESETS[self.effects].options.get(name, {}) if isinstance(self.effects, str) else {}
+        preset = self._preset.options.get(name, {}) if isinstance(self.effects, str) else {}
         return EFFECTS[name].Options(**preset)
 
     @cached_property
@@ -256,6 +266,8 @@ class Basis(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Basis:
         names = self.names
+        if self.tolerance is not None and self.effects != AUTO:
+            raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
         if self.run.jumps is not None and self.bed is None:
             raise ValueError("run.jumps needs a bed: add a [bed] table, or give run.duration (s)")
         if "magnus" in names:

@@ -14,7 +14,9 @@ from basset.solvers import _march
 from saltation import flight
 from saltation.engine import Engine, Grain
 from saltation.result import Result
+from saltation.scene import AUTO
 
+TOLERANCE = 0.05  # of effects = "auto"
 CHUNK = 4096  # steps between two visits of the caller
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {
@@ -62,6 +64,13 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     >>> result.status, len(result.jumps)
     ('finished', 5)
     """
+    if scene.effects == AUTO:
+        from saltation.advice import choose
+
+        choice = choose(scene, scene.tolerance or TOLERANCE)
+        result = run(choice.scene, progress, output)
+        result.provenance["auto"] = choice.evidence
+        return result
     if scene.cloud is not None:
         from saltation.cloud import run_blocks, run_cloud
 

@@ -1,0 +1,365 @@
+"""Which effects a scene calls for: told from its dimensionless numbers, measured by leaving each out, chosen within a tolerance.
+
+A force is judged in a typical jump of the published regressions, by its own formula: what is estimated is what would be
+computed. `ablate` measures, `choose` decides by measurement, `uncertainty` shows what the other choices of a scene do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from basset import measure
+from saltation import regressions, statistics
+from saltation.bed.roughness import READINGS
+from saltation.campaigns import campaign
+from saltation.effects import EFFECTS
+from saltation.effects.base import Setting, Situation
+from saltation.effects.history import KERNELS
+from saltation.effects.rotation import prescribed_spin
+from saltation.flow import PROFILES, REGIMES, both
+from saltation.scene import AUTO, SceneError, scene_of
+from saltation.simulation import run
+
+VARIABLES = statistics.VARIABLES
+MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
+PILOT, MOST, TIMED = 400, 20000, 100  # jumps: of a first look, of any run, of a timed one
+BOUND = 1.96  # standard errors
+Progress = Callable[[float], None]
+NEEDED = ("weight",)  # without it nothing comes down
+PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
+
+
+class Verdict(NamedTuple):
+    """What an effect does in a typical jump: its share of the weight (NaN where that means nothing), word, reason, source."""
+
+    effect: str
+    present: bool
+    share: float
+    verdict: str
+    reason: str
+    source: str
+
+
+class Typical(NamedTuple):
+    """A typical jump: height (d), duration (d/V), takeoff speed up and mean speed along (V), spin (V/d)."""
+
+    height: float
+    duration: float
+    rise: float
+    speed: float
+    spin: float
+
+
+def typical(scene: Any) -> Typical:
+    """The jump that the published regressions give at the scene's R_p and T (at least T = 1.2); in still water one diameter high."""
+    numbers = scene.numbers
+    height, speed, spin = 1.0, 0.0, 0.0
+    if numbers.stage is not None:
+        stage = max(numbers.stage, 1.2)
+        found = [regression(numbers.particle_reynolds, stage) for regression in regressions.REGRESSIONS.values()]
+        height, speed = (float(np.mean([getattr(jump, name) for jump in found])) for name in ("height", "speed"))
+        spin = max(1.0, prescribed_spin(stage))
+    fall = numbers.alpha / abs(numbers.shields)
+    rise = math.sqrt(2.0 * fall * height)
+    return Typical(height, 2.0 * rise / fall, rise, speed, spin)
+
+
+def advise(scene: Any) -> list[Verdict]:
+    """Which effects a scene calls for, from its dimensionless numbers alone.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Verdict, one per effect known
+        The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over
+        the jump, Δ twice the takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump;
+        for encounters their number per jump.
+    """
+    jump, numbers = typical(scene), scene.numbers
+    setting = Setting(numbers, scene.profile)
+    weight = 1.0 / abs(numbers.shields)
+    verdicts = []
+    for name, module in EFFECTS.items():
+        share, reason = _share(scene, name, module, setting, jump, weight)
+        word = "needed" if name in NEEDED else "keep" if share >= MATTERS else "try without" if share >= MINOR else "leave out"
+        verdicts.append(Verdict(name, name in scene.names, share, word, reason, module.SOURCE))
+    return verdicts
+
+
+def _share(scene: Any, name: str, module: Any, setting: Setting, jump: Typical, weight: float) -> tuple[float, str]:
+    """(share, reason) of one effect."""
+    numbers = setting.numbers
+    options = scene.options(name)
+    if name == "weight":
+        return 1.0, f"τ* = {numbers.shields:.3g}: without weight nothing comes down"
+    if name == "history":
+        change = 2.0 * jump.rise
+        share = numbers.history * change * 2.0 / math.sqrt(jump.duration) / (numbers.alpha * weight)
+        text = f"c = {numbers.history:.3g} (9α/√(π Re*), Re* = {numbers.reynolds:.3g})"
+        return share, f"{text}: the rebound's slip jump of {change:.2g} V over {jump.duration:.2g} d/V"
+    if name == "added_mass":
+        share = options.coefficient / (numbers.density_ratio + options.coefficient)
+        return share, f"C_m/(ρ_s/ρ + C_m) with ρ_s/ρ = {numbers.density_ratio:.3g}: share of the inertia"
+    if name == "encounters":
+        if scene.cloud is None:
+            return 0.0, "a single grain meets nobody"
+        often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
+        return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
+    built = module.build(options, setting)
+    situations = [_situation(scene, jump, *phase) for phase in PHASES]
+    if name == "rotation":
+        if built is None:
+            return 1.0, "the spin is prescribed"
+        loss = max(abs(built.torque(s)[1]) for s in situations) * jump.duration / max(jump.spin, 1e-300)
+        return loss, f"in a jump of {jump.duration:.2g} d/V friction changes the spin by {loss:.1%}"
+    if built is None:
+        return 0.0, "no force in this form"
+    forces = np.array([built.force(s) for s in situations])
+    share = float(np.sqrt((forces**2).sum(axis=1).mean())) / weight
+    return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
+
+
+def _situation(scene: Any, jump: Typical, when: float, where: float) -> Situation:
+    """The grain in its typical jump."""
+    z = 0.75 + where * jump.height
+    stream, shear = both(scene.profile, z)
+    return Situation(z, jump.speed - stream, 0.0, jump.rise * (1.0 - 2.0 * when), stream, shear, 0.0, jump.spin, 0.0)
+
+
+# Leaving out
+
+
+def changed(scene: Any, **tables: Any) -> Any:
+    """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene.
+    """
+    content = scene.model_dump(exclude_none=True)
+    for name, value in tables.items():
+        merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
+        content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
+    return scene_of(content)
+
+
+def without(scene: Any, left_out: Iterable[str]) -> Any:
+    """The scene without some effects."""
+    gone = set(left_out)
+    return changed(scene, effects=[name for name in scene.names if name not in gone])
+
+
+def long(scene: Any, jumps: int) -> Any:
+    """The scene with so many jumps that count; a run for a time stays as long as it is."""
+    return scene if scene.run.jumps is None else changed(scene, run={"jumps": jumps + scene.run.discard})
+
+
+def enough(scenes: dict[str, Any], error: float, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
+    """The campaign over scenes, with as many jumps as the mean height of the first needs for a relative standard error."""
+    share = (lambda low, high: None) if progress is None else (lambda low, high: lambda done: progress(low + (high - low) * done))
+    labelled = [({"case": name}, long(scene, PILOT)) for name, scene in scenes.items()]
+    table = campaign(labelled, executor, progress=share(0.0, 0.5)).set_index("case")
+    first = table.iloc[0]
+    wanted = PILOT * (first["height_se"] / (error * first["height"])) ** 2 if first["height"] > 0.0 else 0.0
+    if wanted > PILOT and scenes[str(table.index[0])].run.jumps is not None:
+        count = min(MOST, math.ceil(wanted / 100.0) * 100)
+        labelled = [({"case": name}, long(scene, count)) for name, scene in scenes.items()]
+        table = campaign(labelled, executor, progress=share(0.5, 1.0)).set_index("case")
+    return table
+
+
+def compare(table: pd.DataFrame) -> pd.DataFrame:
+    """Relative changes of H, L and ū of every row against the first, with their standard errors."""
+    full, found = table.iloc[0], table[["status", "jumps"]].copy()
+    for name in VARIABLES:
+        found[name] = table[name]
+        found[f"{name}_change"] = table[name] / full[name] - 1.0
+        found[f"{name}_error"] = np.hypot(table[f"{name}_se"], full[f"{name}_se"]) / abs(full[name])
+    return found
+
+
+def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
+    """Run a scene with each of its effects left out, one at a time, all with the scene's seed.
+
+    Parameters
+    ----------
+    scene : Scene
+    executor : concurrent.futures.Executor, optional
+        As for `saltation.campaign`.
+    error : float
+        Wanted relative standard error of the mean height; decides how many jumps are flown (20 000 at most). A scene that
+        runs for a time is flown as long as it says.
+    progress : callable or None
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    DataFrame
+        Index: "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
+        relative `_change` against the full scene and the `_error` (one standard error) of that, and time: seconds per jump over
+        those of the full scene (NaN for runs for a time).
+    """
+    cases = {"full": scene}
+    for name in scene.names:
+        try:
+            cases[name] = without(scene, [name])
+        except SceneError:  # what is left makes no scene
+            continue
+    table = compare(enough(cases, error, executor, progress))
+    table["time"] = costs({name: cases[name] for name in table.index})
+    return table
+
+
+def costs(scenes: dict[str, Any]) -> pd.Series:
+    """Seconds per jump of each scene over those of the first, taking turns."""
+    if any(scene.run.jumps is None for scene in scenes.values()):
+        return pd.Series(math.nan, index=list(scenes))
+    timed = {name: changed(scene, run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
+    seconds = pd.Series(measure.interleaved({name: partial(run, scene) for name, scene in timed.items()}, rounds=5, patience=60.0))
+    return seconds / seconds.iloc[0]
+
+
+class Choice(NamedTuple):
+    """The scene with the effects that are called for, and why: tolerance, what was left out, means of both, the ablation."""
+
+    scene: Any
+    evidence: dict[str, Any]
+
+
+def bound(row: pd.Series) -> float:
+    """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
+    bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
+    return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
+
+
+def choose(scene: Any, tolerance: float = 0.05, executor: Executor | None = None, *, progress: Progress | None = None) -> Choice:
+    """The cheapest set of effects whose mean H, L and ū stay within a tolerance of those of all effects.
+
+    Effects that the ablation finds within the tolerance (95 % bounds) are left out together; while that is too much, the one
+    that changes most is put back.
+
+    Parameters
+    ----------
+    scene : Scene
+        With all effects that are considered.
+    tolerance : float
+        Relative.
+    executor, progress
+        As for `ablate`.
+
+    Returns
+    -------
+    Choice
+
+    Raises
+    ------
+    ValueError
+        If the full scene does not finish its run.
+    """
+    full = changed(scene, effects=list(scene.names), tolerance=None)
+    table = ablate(full, executor, error=0.2 * tolerance, progress=progress)
+    if table["status"].iloc[0] != "finished":
+        raise ValueError(f"effects = {AUTO!r} needs a scene that finishes with all of them, got {table['status'].iloc[0]!r}")
+    bounds = {str(name): bound(row) for name, row in table.iloc[1:].iterrows()}
+    left_out = sorted((name for name, value in bounds.items() if value <= tolerance and name not in NEEDED), key=bounds.__getitem__)
+    tried, found = [], None
+    while left_out:
+        try:
+            trial = without(full, left_out)
+        except SceneError:
+            left_out.pop()
+            continue
+        both_rows = compare(enough({"full": full, "chosen": trial}, 0.2 * tolerance, executor, None))
+        found = both_rows.loc["chosen"]
+        tried.append({"left_out": list(left_out), "bound": bound(found)})
+        if bound(found) <= tolerance:
+            break
+        left_out.pop()
+    chosen = without(full, left_out)
+    row = table.iloc[0] if not left_out or found is None else found
+    evidence = {
+        "tolerance": tolerance,
+        "left_out": left_out,
+        "kept": list(chosen.names),
+        "jumps": int(table["jumps"].iloc[0]),
+        "full": {name: float(table[name].iloc[0]) for name in VARIABLES},
+        "chosen": {name: float(row[name]) for name in VARIABLES},
+        "bounds": {name: value if math.isfinite(value) else None for name, value in bounds.items()},
+        "time": {str(name): float(value) for name, value in table["time"].items()},
+        "tried": tried,
+    }
+    return Choice(chosen, evidence)
+
+
+# Other choices
+
+
+def variants(scene: Any) -> dict[str, dict[str, Any]]:
+    """Scenes that differ from this one in one choice: choice -> value -> scene; what makes no scene is left out."""
+    tables: dict[str, dict[str, dict[str, Any]]] = {}
+    if scene.channel is not None:
+        tables["profile"] = {name: {"channel": {"profile": name}} for name in (*PROFILES, *REGIMES) if name != "none"}
+    if scene.bed is not None:
+        tables["reading"] = {name: {"bed": {"reading": name}} for name in READINGS}
+        given = scene.bed.restitution
+        tables["restitution"] = {f"{value}": {"bed": {"restitution": value}} for value in dict.fromkeys((given, 0.5, 0.8, "set1", "stokes"))}
+    if "history" in scene.names:
+        tables["kernel"] = {name: {"history": {"kernel": name}} for name in ("basset", *KERNELS)}
+        tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in ("impulse", "restart", "reset", "none")}
+    found: dict[str, dict[str, Any]] = {}
+    for choice, values in tables.items():
+        for value, change in values.items():
+            try:
+                found.setdefault(choice, {})[value] = changed(scene, **change)
+            except SceneError:
+                continue
+    return found
+
+
+def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
+    """The spread over the choices that measurement has not settled, one at a time, beside the standard error.
+
+    Parameters
+    ----------
+    scene : Scene
+    executor, progress
+        As for `ablate`.
+    error : float
+        Wanted relative standard error of the mean height.
+
+    Returns
+    -------
+    DataFrame
+        One row per choice and value, the scene itself first ("scene", "as given"): choice, value, status, jumps, height (d), length (d),
+        velocity (u*), relative changes and their standard errors as for `ablate`.
+    """
+    cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
+    names = {" ".join(case): case for case in cases}
+    table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress))
+    table.insert(0, "choice", [names[str(name)][0] for name in table.index])
+    table.insert(1, "value", [names[str(name)][1] for name in table.index])
+    return table.reset_index(drop=True)
+
+
+def spreads(table: pd.DataFrame) -> pd.DataFrame:
+    """Lowest and highest mean of H, L and ū over each choice's values that finish, over that of the scene itself."""
+    base = table.iloc[0]
+    finished = table[table["status"] == "finished"]
+    rows = []
+    for choice, own in finished.iloc[1:].groupby("choice", sort=False):
+        row: dict[str, Any] = {"choice": choice}
+        for name in VARIABLES:
+            row[f"{name}_low"], row[f"{name}_high"] = own[name].min() / base[name], own[name].max() / base[name]
+        rows.append(row)
+    return pd.DataFrame(rows)
