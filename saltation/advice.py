@@ -31,6 +31,8 @@ VARIABLES = statistics.VARIABLES
 MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
 PILOT, MOST, TIMED = 400, 20000, 100  # jumps: of a first look, of any run, of a timed one
 BOUND = 1.96  # standard errors
+TOLERANCE = 0.05  # of a choice, unless the scene gives one
+SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
 Progress = Callable[[float], None]
 NEEDED = ("weight",)  # without it nothing comes down
 PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
@@ -195,6 +197,7 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
     Parameters
     ----------
     scene : Scene
+        With a bed: it is jumps that are compared.
     executor : concurrent.futures.Executor, optional
         As for `saltation.campaign`.
     error : float
@@ -209,16 +212,34 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
         Index: "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
         relative `_change` against the full scene and the `_error` (one standard error) of that, and time: seconds per jump over
         those of the full scene (NaN for runs for a time).
+
+    Raises
+    ------
+    SceneError
+        If the scene has no bed.
     """
-    cases = {"full": scene}
+    cases = reduced(scene)
+    table = compare(enough(cases, error, executor, progress))
+    table["time"] = costs({name: cases[name] for name in table.index})
+    return table
+
+
+def reduced(scene: Any) -> dict[str, Any]:
+    """The full scene, and without each of its effects that can be left out."""
+    require_bed(scene)
+    cases = {"full": changed(scene, effects=list(scene.names), tolerance=None)}
     for name in scene.names:
         try:
             cases[name] = without(scene, [name])
         except SceneError:  # what is left makes no scene
             continue
-    table = compare(enough(cases, error, executor, progress))
-    table["time"] = costs({name: cases[name] for name in table.index})
-    return table
+    return cases
+
+
+def require_bed(scene: Any) -> None:
+    """Only jumps can be compared."""
+    if scene.bed is None:
+        raise SceneError("bed is missing: it is jumps that are compared, and without a bed there are none")
 
 
 def costs(scenes: dict[str, Any]) -> pd.Series:
@@ -230,29 +251,22 @@ def costs(scenes: dict[str, Any]) -> pd.Series:
     return seconds / seconds.iloc[0]
 
 
-class Choice(NamedTuple):
-    """The scene with the effects that are called for, and why: tolerance, what was left out, means of both, the ablation."""
-
-    scene: Any
-    evidence: dict[str, Any]
-
-
 def bound(row: pd.Series) -> float:
     """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
     bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
     return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
 
 
-def choose(scene: Any, tolerance: float = 0.05, executor: Executor | None = None, *, progress: Progress | None = None) -> Choice:
-    """The cheapest set of effects whose mean H, L and ū stay within a tolerance of those of all effects.
+def choose(scene: Any, tolerance: float = TOLERANCE, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
+    """The scene with as few effects as keep its mean H, L and ū within a tolerance of those with all of them.
 
     Effects that the ablation finds within the tolerance (95 % bounds) are left out together; while that is too much, the one
-    that changes most is put back.
+    that changes most is put back. The same scene always comes to the same choice.
 
     Parameters
     ----------
     scene : Scene
-        With all effects that are considered.
+        With a bed and all effects that are considered.
     tolerance : float
         Relative.
     executor, progress
@@ -260,46 +274,62 @@ def choose(scene: Any, tolerance: float = 0.05, executor: Executor | None = None
 
     Returns
     -------
-    Choice
+    Scene
+        Its field `chosen` holds the evidence: tolerance, left_out, kept, means of the full scene and of the chosen one, for each
+        effect the 95 % `bounds` of the largest relative change of H, L and ū without it (or the status of a run that did not
+        finish), what was tried together, and the number of jumps flown to find out.
 
     Raises
     ------
-    ValueError
-        If the full scene does not finish its run.
+    SceneError
+        If the scene has no bed, or does not finish its run with all its effects.
     """
-    full = changed(scene, effects=list(scene.names), tolerance=None)
-    table = ablate(full, executor, error=0.2 * tolerance, progress=progress)
-    if table["status"].iloc[0] != "finished":
-        raise ValueError(f"effects = {AUTO!r} needs a scene that finishes with all of them, got {table['status'].iloc[0]!r}")
+    cases = reduced(scene)
+    full = cases["full"]
+    error = SHARPNESS * tolerance
+    table = compare(enough(cases, error, executor, progress))
+    first = table.iloc[0]
+    if first["status"] != "finished":
+        raise SceneError(f"effects can only be chosen for a scene that finishes with all of them, got {first['status']!r}")
     bounds = {str(name): bound(row) for name, row in table.iloc[1:].iterrows()}
     left_out = sorted((name for name, value in bounds.items() if value <= tolerance and name not in NEEDED), key=bounds.__getitem__)
-    tried, found = [], None
+    tried, last, flown = [], first, int(table["jumps"].sum())
     while left_out:
         try:
             trial = without(full, left_out)
-        except SceneError:
+        except SceneError:  # what is left makes no scene
             left_out.pop()
             continue
-        both_rows = compare(enough({"full": full, "chosen": trial}, 0.2 * tolerance, executor, None))
-        found = both_rows.loc["chosen"]
-        tried.append({"left_out": list(left_out), "bound": bound(found)})
-        if bound(found) <= tolerance:
+        pair = compare(enough({"full": full, "chosen": trial}, error, executor, None))
+        flown += int(pair["jumps"].sum())
+        tried.append({"left_out": list(left_out), "bound": shown(pair.iloc[1])})
+        if bound(pair.iloc[1]) <= tolerance:
+            last = pair.iloc[1]
             break
         left_out.pop()
     chosen = without(full, left_out)
-    row = table.iloc[0] if not left_out or found is None else found
     evidence = {
         "tolerance": tolerance,
         "left_out": left_out,
         "kept": list(chosen.names),
-        "jumps": int(table["jumps"].iloc[0]),
-        "full": {name: float(table[name].iloc[0]) for name in VARIABLES},
-        "chosen": {name: float(row[name]) for name in VARIABLES},
-        "bounds": {name: value if math.isfinite(value) else None for name, value in bounds.items()},
-        "time": {str(name): float(value) for name, value in table["time"].items()},
+        "full": {name: float(first[name]) for name in VARIABLES},
+        "chosen": {name: float((last if left_out else first)[name]) for name in VARIABLES},
+        "bounds": {str(name): shown(row) for name, row in table.iloc[1:].iterrows()},
         "tried": tried,
+        "jumps": flown,
     }
-    return Choice(chosen, evidence)
+    return changed(chosen, chosen=evidence)
+
+
+def resolved(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
+    """The scene itself, or with effects = "auto" what `choose` makes of it."""
+    return choose(scene, scene.tolerance or TOLERANCE, executor, progress=progress) if scene.effects == AUTO else scene
+
+
+def shown(row: pd.Series) -> float | str:
+    """The bound, or why there is none."""
+    value = bound(row)
+    return value if math.isfinite(value) else str(row["status"])
 
 
 # Other choices
@@ -343,6 +373,11 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
     DataFrame
         One row per choice and value, the scene itself first ("scene", "as given"): choice, value, status, jumps, height (d), length (d),
         velocity (u*), relative changes and their standard errors as for `ablate`.
+
+    Raises
+    ------
+    SceneError
+        If the scene has no bed.
     """
     cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
     names = {" ".join(case): case for case in cases}

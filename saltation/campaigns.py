@@ -20,7 +20,7 @@ from saltation._files import replacing, write
 from saltation._keys import hash_of, key_of, text_of
 from saltation.grain import GRAVITY
 from saltation.result import key_in, packed
-from saltation.scene import Scene, read, scene_of, shipped
+from saltation.scene import AUTO, Scene, read, scene_of, shipped
 from saltation.simulation import run
 from saltation.workers import TURN, cores, processes
 
@@ -47,7 +47,8 @@ def campaign(
     Parameters
     ----------
     scenes : iterable of Scene or of (dict, Scene)
-        A dictionary holds labels, which become columns.
+        A dictionary holds labels, which become columns. Scenes with effects = "auto" are first chosen one after the other, over
+        the same executor.
     executor : concurrent.futures.Executor, optional
         Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
         afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
@@ -88,7 +89,8 @@ def campaign(
     >>> table[["name", "jumps", "status"]].values.tolist()
     [['a', 5, 'finished'], ['b', 5, 'finished']]
     """
-    labels, wanted = zip(*pairs, strict=True) if (pairs := [_labelled(item) for item in scenes]) else ((), ())
+    labels, given = zip(*pairs, strict=True) if (pairs := [_labelled(item) for item in scenes]) else ((), ())
+    wanted = tuple(_with_effects(scene, executor) for scene in given)
     if results is None:
         wanted = tuple(scene.model_copy(update={"run": scene.run.model_copy(update={"trajectory": False})}) for scene in wanted)
     keys = [key_of(scene) for scene in wanted]
@@ -127,6 +129,15 @@ def _labelled(item: Any) -> tuple[dict[str, Any], Any]:
         if name in COLUMNS:
             raise ValueError(f"labels must not be called like a result, got {name!r}")
     return dict(labels), scene
+
+
+def _with_effects(scene: Any, executor: Executor | None) -> Any:
+    """The scene, its effects chosen if they are to be: here, as workers cannot share out work again."""
+    if scene.effects != AUTO:
+        return scene
+    from saltation.advice import resolved
+
+    return resolved(scene, executor)
 
 
 def files_of(keys: Sequence[str], labels: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, list[Path]]:

@@ -11,6 +11,7 @@ from saltation.effects import EFFECTS
 from saltation.effects.drag import LAWS
 from saltation.engine import Engine
 from saltation.flow import PROFILES, REGIMES
+from saltation.scene import AUTO
 
 
 class Number(NamedTuple):
@@ -97,6 +98,8 @@ def computed(scene: Any) -> dict[str, str]:
     found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
     length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
     found["run"] = f"{length}; seed {scene.run.seed}"
+    if scene.effects == AUTO:
+        found["effects"] = "all of them here; a run first finds out by measurement which can be left out"
     return found
 
 

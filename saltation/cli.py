@@ -29,7 +29,7 @@ from basset._command import Mistake, check_output, console, draw, mistakes_of_fi
 from saltation import advice, advice_plots, campaigns, checks, grains, statistics
 from saltation._files import write
 from saltation.result import UNITS, Result
-from saltation.scene import Scene, SceneError, read, scene_of, shipped
+from saltation.scene import AUTO, Scene, SceneError, read, scene_of, shipped
 from saltation.workers import processes
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
@@ -134,8 +134,12 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
         check_folder(folder, force)
     elif output is not None:
         check_output(output, force)
-    with stoppable(folder), progress("flying", TimeElapsedColumn()) if not quiet else contextlib.nullcontext() as report, mistakes_of_files("--output"):
-        result = saltation.run(made, report, folder)
+    with stoppable(folder), mistakes_of_files("--output"):
+        if made.effects == AUTO:
+            with shown("choosing effects", quiet) as report:
+                made = advice.resolved(made, progress=report)
+        with shown("flying", quiet) as report:
+            result = saltation.run(made, report, folder)
     if not quiet:
         (print_result if made.cloud is None else print_cloud)(result)
     elif result.status != "finished":
@@ -148,6 +152,11 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
             click.echo(f"written: {output}")
     if result.status == "failed":
         sys.exit(1)
+
+
+def shown(what: str, quiet: bool) -> Any:
+    """Progress, unless it is not wanted."""
+    return contextlib.nullcontext() if quiet else progress(what, TimeElapsedColumn())
 
 
 @main.command()
@@ -505,6 +514,7 @@ def print_result(result: Result) -> None:
             f"bed load q* {load['rate']:.3g} (dynamic friction {load['dynamic_friction']:.3g}); "
             f"Meyer-Peter & Müller {load['meyer_peter_mueller']:.3g}, Wong & Parker {load['wong_parker']:.3g}"
         )
+    print_choice(out, result.scene)
     known = result.provenance
     if known["stokes"] is not None:
         low, high = known["stokes"]
@@ -522,10 +532,19 @@ def print_cloud(result: Any) -> None:
         print_summary(out, result.summary())
     often = result.frequencies()
     out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per d/u*, ratio {often['ratio']:.3g}")
+    print_choice(out, result.scene)
     for fate, number in result.fates["fate"].value_counts().items():
         out.print(f"{number} grains ended {fate}")
     for text in result.provenance["outside_validity"]:
         out.print(f"warning: {text}")
+
+
+def print_choice(out: Console, scene: Any) -> None:
+    """What effects = "auto" came to."""
+    if scene.chosen is not None:
+        found = scene.chosen
+        gone = ", ".join(f"{name} (changes less than {found['bounds'][name]:.1%})" for name in found["left_out"])
+        out.print(f"effects: {', '.join(found['kept'])}; left out within {found['tolerance']:.0%}: {gone or 'nothing'}; {found['jumps']} jumps to find out")
 
 
 def print_summary(out: Console, summary: pd.DataFrame) -> None:

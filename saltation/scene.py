@@ -198,6 +198,7 @@ class Basis(Table):
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
     tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū, for effects = 'auto'; default 0.05")
+    chosen: dict[str, Any] | None = Field(None, description="how the effects were chosen, with the evidence; written into results, not given")
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
     grain: Grain = Field(description="a table: density and diameter")
@@ -268,6 +269,8 @@ class Basis(Table):
         names = self.names
         if self.tolerance is not None and self.effects != AUTO:
             raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
+        if self.effects == AUTO and self.bed is None:
+            raise ValueError("effects = 'auto' needs a [bed]: it compares jumps with each effect and without it")
         if self.run.jumps is not None and self.bed is None:
             raise ValueError("run.jumps needs a bed: add a [bed] table, or give run.duration (s)")
         if "magnus" in names:

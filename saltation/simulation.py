@@ -15,8 +15,8 @@ from saltation import flight
 from saltation.engine import Engine, Grain
 from saltation.result import Result
 from saltation.scene import AUTO
+from saltation.workers import Here
 
-TOLERANCE = 0.05  # of effects = "auto"
 CHUNK = 4096  # steps between two visits of the caller
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {
@@ -37,7 +37,8 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     Parameters
     ----------
     scene : Scene
-        From `saltation.load` or `saltation.Scene.model_validate`.
+        From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
+        `saltation.advice.choose`, over the executor or here; `result.scene.chosen` holds the evidence.
     progress : callable or None
         Called with the share that is done, 0 to 1.
     output : path, optional
@@ -65,12 +66,9 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     ('finished', 5)
     """
     if scene.effects == AUTO:
-        from saltation.advice import choose
+        from saltation.advice import resolved
 
-        choice = choose(scene, scene.tolerance or TOLERANCE)
-        result = run(choice.scene, progress, output)
-        result.provenance["auto"] = choice.evidence
-        return result
+        scene = resolved(scene, executor or Here())
     if scene.cloud is not None:
         from saltation.cloud import run_blocks, run_cloud
 

@@ -125,6 +125,19 @@ class Processes(Executor):
         return True
 
 
+class Here(Executor):
+    """An executor that does each task at once, in this process: for callers that must not start others."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call a function."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
 def processes(workers: int | None = None) -> Processes:
     """Processes that end with the `with` that holds them: at an error, an interrupt, or when this process is killed.
 
