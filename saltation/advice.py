@@ -6,6 +6,8 @@ computed. `ablate` measures, `choose` decides by measurement, `uncertainty` show
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
@@ -23,7 +25,7 @@ from saltation.effects import EFFECTS
 from saltation.effects.base import Setting, Situation
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
-from saltation.flow import PROFILES, REGIMES, both
+from saltation.flow import PROFILES, both
 from saltation.scene import AUTO, SceneError, scene_of
 from saltation.simulation import run
 
@@ -34,6 +36,8 @@ BOUND = 1.96  # standard errors
 TOLERANCE = 0.05  # of a choice, unless the scene gives one
 SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
 Progress = Callable[[float], None]
+SMOOTH = 5.0  # k_s+: up to here a bed is smooth
+COMBINED = 300  # jumps of each combination of choices
 NEEDED = ("weight",)  # without it nothing comes down
 PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
 
@@ -337,9 +341,23 @@ def shown(row: pd.Series) -> float | str:
 
 def variants(scene: Any) -> dict[str, dict[str, Any]]:
     """Scenes that differ from this one in one choice: choice -> value -> scene; what makes no scene is left out."""
+    found: dict[str, dict[str, Any]] = {}
+    for choice, values in _choices(scene).items():
+        for value, change in values.items():
+            try:
+                found.setdefault(choice, {})[value] = changed(scene, **change)
+            except SceneError:
+                continue
+    return found
+
+
+def _choices(scene: Any) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
+    """What measurement has not settled: choice -> value -> table -> field -> value; a law for smooth beds only where the bed is."""
     tables: dict[str, dict[str, dict[str, Any]]] = {}
     if scene.channel is not None:
-        tables["profile"] = {name: {"channel": {"profile": name}} for name in (*PROFILES, *REGIMES) if name != "none"}
+        wall = scene.numbers.reynolds * (scene.channel.roughness_height or scene.grain.diameter) / scene.grain.diameter
+        known = [name for name in PROFILES if name != "none" and (name != "reichardt" or wall < SMOOTH)]
+        tables["profile"] = {name: {"channel": {"profile": name}} for name in known}
     if scene.bed is not None:
         tables["reading"] = {name: {"bed": {"reading": name}} for name in READINGS}
         given = scene.bed.restitution
@@ -347,14 +365,7 @@ def variants(scene: Any) -> dict[str, dict[str, Any]]:
     if "history" in scene.names:
         tables["kernel"] = {name: {"history": {"kernel": name}} for name in ("basset", *KERNELS)}
         tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in ("impulse", "restart", "reset", "none")}
-    found: dict[str, dict[str, Any]] = {}
-    for choice, values in tables.items():
-        for value, change in values.items():
-            try:
-                found.setdefault(choice, {})[value] = changed(scene, **change)
-            except SceneError:
-                continue
-    return found
+    return tables
 
 
 def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
@@ -379,6 +390,8 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
     SceneError
         If the scene has no bed.
     """
+    require_bed(scene)
+    scene = changed(scene, effects=list(scene.names), tolerance=None)
     cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
     names = {" ".join(case): case for case in cases}
     table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress))
@@ -398,3 +411,61 @@ def spreads(table: pd.DataFrame) -> pd.DataFrame:
             row[f"{name}_low"], row[f"{name}_high"] = own[name].min() / base[name], own[name].max() / base[name]
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def combinations(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> pd.DataFrame:
+    """Every choice combined with every other, some hundred runs of 300 jumps each.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a bed.
+    executor, progress
+        As for `ablate`.
+
+    Returns
+    -------
+    DataFrame
+        One row per combination: a column per choice with its value, status, height (d), length (d), velocity (u*).
+
+    Raises
+    ------
+    SceneError
+        If the scene has no bed.
+    """
+    require_bed(scene)
+    scene = long(changed(scene, effects=list(scene.names), tolerance=None), COMBINED)
+    choices = _choices(scene)
+    labelled = []
+    for values in itertools.product(*choices.values()):
+        tables: dict[str, dict[str, Any]] = {}
+        for choice, value in zip(choices, values, strict=True):
+            for table, fields in choices[choice][value].items():
+                tables[table] = tables.get(table, {}) | fields
+        with contextlib.suppress(SceneError):  # what makes no scene
+            labelled.append((dict(zip(choices, values, strict=True)), changed(scene, **tables)))
+    return campaign(labelled, executor, progress=progress)[[*choices, "status", *VARIABLES]]
+
+
+def shares(table: pd.DataFrame) -> pd.DataFrame:
+    """How much of the spread each choice makes by itself; `table` from `combinations`.
+
+    Returns
+    -------
+    DataFrame
+        One row per choice; for H, L and ū the variance of the means over its values of the logarithm, over the variance of all
+        that finish (a first Sobol index: Sobol 1993, Math. Model. Comput. Exp. 1, 407). What is missing to 1 is interplay.
+    """
+    finished = table[(table["status"] == "finished") & (table["height"] > 0.0)]
+    logarithms = np.log(finished[list(VARIABLES)].astype(float))
+    choices = [str(name) for name in table if name not in ("status", *VARIABLES)]
+    rows = {}
+    for choice in choices:
+        means = logarithms.groupby(finished[choice]).transform("mean")
+        rows[choice] = means.var(ddof=0) / logarithms.var(ddof=0)
+    return pd.DataFrame(rows).T
+
+
+def extent(table: pd.DataFrame) -> pd.DataFrame:
+    """The 5, 50 and 95 % quantiles of H, L and ū over all combinations that finish; `table` from `combinations`."""
+    return table.loc[table["status"] == "finished", list(VARIABLES)].quantile([0.05, 0.5, 0.95])

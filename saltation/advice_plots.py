@@ -2,45 +2,85 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from basset._look import BLUE, GREY, ORANGE, PURPLE
 from saltation import statistics
 from saltation.plots import styled
 
+WIDE, NARROW = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.6)  # ticks
 LOOKS = {"height": (BLUE, "o", "height H"), "length": (ORANGE, "s", "length L"), "velocity": (PURPLE, "^", "velocity ū")}
 
 
 @styled
 def ablation(table: pd.DataFrame) -> Figure:
-    """Relative change of H, L and ū when one effect is left out; `table` from `advice.ablate`."""
+    """Relative change of H, L and ū when one effect is left out, bars two standard errors; `table` from `advice.ablate`."""
     rows = table.iloc[1:]
-    return changes_of(rows, [str(name) for name in rows.index], "What changes when an effect is left out")
-
-
-@styled
-def spread(table: pd.DataFrame) -> Figure:
-    """Relative change of H, L and ū when one choice is made otherwise; `table` from `advice.uncertainty`."""
-    rows = table.iloc[1:]
-    labels = [f"{choice}: {value}" for choice, value in zip(rows["choice"], rows["value"], strict=True)]
-    return changes_of(rows, labels, "What other choices do (bars: two standard errors)")
-
-
-def changes_of(rows: pd.DataFrame, labels: list[str], title: str) -> Figure:
-    """One line per row, one panel per quantity; what does not finish its run is crossed out."""
-    figure = Figure(figsize=(11.0, 1.4 + 0.32 * len(rows)))
-    panels = figure.subplots(1, 3, sharey=True)
-    places = list(range(len(rows), 0, -1))
+    figure, panels = _panels(len(rows), 0.34)
+    places = range(len(rows), 0, -1)
     for axes, name in zip(panels, statistics.VARIABLES, strict=True):
         colour, marker, label = LOOKS[name]
         for place, (_, row) in zip(places, rows.iterrows(), strict=True):
             if row["status"] == "finished":
                 axes.errorbar(100.0 * row[f"{name}_change"], place, xerr=200.0 * row[f"{name}_error"], color=colour, marker=marker, capsize=3)
             else:
-                axes.annotate(row["status"], (0.0, place), xytext=(4, 0), textcoords="offset points", va="center", color=GREY, fontsize=8)
-        axes.axvline(0.0, color=GREY, linewidth=1.0)
-        axes.set(xlabel=f"change of the mean {label} (%)")
-        axes.set_yticks(places, labels)
-    figure.suptitle(title)
+                _note(axes, place, row["status"])
+        axes.set(xlabel=f"change of the mean {label} (%)", ylim=(0.4, len(rows) + 0.6))
+        axes.set_yticks(places, [f"without {name.replace('_', ' ')}" for name in rows.index])
+    figure.suptitle("What changes when an effect is left out (bars: two standard errors)")
     return figure
+
+
+@styled
+def spread(table: pd.DataFrame) -> Figure:
+    """Mean H, L and ū for every value of every choice, over those of the scene, beside its standard error; `table` from `advice.uncertainty`."""
+    base, rows = table.iloc[0], table.iloc[1:]
+    choices = list(dict.fromkeys(rows["choice"]))
+    figure, panels = _panels(len(choices), 0.6)
+    for axes, name in zip(panels, statistics.VARIABLES, strict=True):
+        colour, marker, label = LOOKS[name]
+        error = 2.0 * base[f"{name}_error"] / math.sqrt(2.0)  # of the scene itself, not of a difference
+        axes.axvspan(1.0 / (1.0 + error), 1.0 + error, color=GREY, alpha=0.35, linewidth=0.0)
+        for place, choice in zip(range(len(choices), 0, -1), choices, strict=True):
+            own = rows[rows["choice"] == choice]
+            done = own[own["status"] == "finished"].sort_values(name)
+            ratios = done[name] / base[name]
+            axes.plot([ratios.min(), ratios.max()], [place, place], color=colour, alpha=0.3, linewidth=7.0, solid_capstyle="round")
+            axes.plot(ratios, [place] * len(done), color=colour, marker=marker, linestyle="none")
+            for ratio, value, side in ((ratios.min(), done["value"].iloc[0], -1), (ratios.max(), done["value"].iloc[-1], 1)):
+                if abs(math.log(ratio)) > error:  # the scene's own needs no name
+                    aligned = "right" if side < 0 else "left"
+                    axes.annotate(value, (ratio, place), xytext=(9 * side, 0), textcoords="offset points", ha=aligned, va="center", fontsize=8)
+            stopped = ", ".join(f"{value}: {status}" for value, status in own.loc[own["status"] != "finished", ["value", "status"]].to_numpy())
+            if stopped:
+                axes.annotate(f"({stopped})", (1.0, place), xytext=(0, 13), textcoords="offset points", ha="center", va="center", fontsize=8, color=GREY)
+        axes.set(xscale="log", xlabel=f"mean {label} / that of the scene", ylim=(0.4, len(choices) + 0.6))
+        low, high = axes.get_xlim()
+        margin = max(high / low, 1.3) ** 0.25  # room for the names
+        low, high = min(low, 0.9) / margin, max(high, 1.1) * margin
+        ticks = [ratio for ratio in (WIDE if high > 3.0 * low else NARROW) if low < ratio < high]
+        axes.set_xlim(low, high)
+        axes.set_xticks(ticks, [f"{ratio:g}" for ratio in ticks])
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_yticks(range(len(choices), 0, -1), choices)
+    figure.suptitle("What every choice that is not settled does to the jumps (grey: two standard errors of the mean)")
+    return figure
+
+
+def _panels(rows: int, each: float) -> tuple[Figure, Any]:
+    """Three panels side by side for some rows."""
+    figure = Figure(figsize=(12.0, 1.5 + each * rows))
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes in panels:
+        axes.axvline(1.0 if each > 0.5 else 0.0, color=GREY, linewidth=1.0)
+    return figure, panels
+
+
+def _note(axes: Any, place: int, text: str) -> None:
+    """Why there is no value."""
+    axes.annotate(text, (0.0, place), xytext=(4, 0), textcoords="offset points", va="center", color=GREY, fontsize=8)

@@ -213,14 +213,23 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
 @click.argument("scene")
 @SET
 @click.option("--error", type=float, default=0.02, show_default=True, help="Wanted relative standard error of the mean height.")
+@click.option("--combined", is_flag=True, help="Also every choice with every other: some hundred runs more.")
 @click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
-def uncertainty(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
-    """The spread over the choices of SCENE that measurement has not settled, beside the standard error."""
+def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bool, output: Path | None, force: bool) -> None:
+    """The spread over the choices of SCENE that measurement has not settled, beside the standard error.
+
+    One at a time: profile of the stream, reading of the roughness, restitution, kernel, memory of the rebound.
+    """
     made = prepared(scene, changes, error, output, force)
     with progress("varying", TimeElapsedColumn()) as report:
         table = advice.uncertainty(made, error=error, progress=report)
-    print_changes(console(), table.set_index(["choice", "value"]))
+    out = console()
+    print_changes(out, table.set_index(["choice", "value"]))
+    if combined:
+        with progress("combining", TimeElapsedColumn()) as report:
+            everything = advice.combinations(made, progress=report)
+        print_combinations(out, everything)
     deliver(output, table, advice_plots.spread)
 
 
@@ -567,6 +576,18 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
         labels = index if isinstance(index, tuple) else (index,)
         cells = [f"{100 * row[f'{name}_change']:+.1f} ± {100 * row[f'{name}_error']:.1g}" for name in statistics.VARIABLES]
         shown.add_row(*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed))
+    out.print(shown)
+
+
+def print_combinations(out: Console, table: pd.DataFrame) -> None:
+    """Quantiles over all combinations, and what each choice contributes."""
+    finished = table["status"] == "finished"
+    out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
+    shown = Table("", *(f"{name} ({UNITS[name][0]})" for name in statistics.VARIABLES), box=None)
+    for quantile, row in advice.extent(table).iterrows():
+        shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))
+    for choice, row in advice.shares(table).iterrows():
+        shown.add_row(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES))
     out.print(shown)
 
 
