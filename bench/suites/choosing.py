@@ -1,0 +1,93 @@
+"""Which effects does a scene call for, does effects = "auto" find them, and which open choice matters most?"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from typing import Any
+
+import pandas as pd
+
+import saltation
+from bench.grains import rounded
+from saltation import advice
+from saltation.scene import SceneError
+
+NAME = "choosing"
+SCENES = ("sand", "sand_coarse", "gravel")
+ALWAYS = ("weight", "drag")  # without either no run finishes
+SEED = 101  # of the truth: none that a choice has seen
+SEEDS = (1, 2, 3, 4, 5)  # of choices
+ERROR = {False: 0.01, True: 0.005}  # relative standard error of the mean heights of the truth
+COMBINED = "sand"
+
+
+def every_set(scene: Any) -> dict[str, Any]:
+    """The scene with every set of effects that makes a scene, all of them first; names joined by +."""
+    optional = [name for name in scene.names if name not in ALWAYS]
+    found: dict[str, Any] = {}
+    for number in range(len(optional) + 1):
+        for left_out in itertools.combinations(optional, number):
+            try:
+                made = advice.without(scene, left_out)
+            except SceneError:  # Magnus with nothing that turns the grain
+                continue
+            found["+".join(made.names)] = made
+    return found
+
+
+def truth(scene: Any, error: float) -> list[dict[str, Any]]:
+    """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
+    cases = every_set(advice.changed(scene, run={"seed": SEED}))
+    table = advice.compare(advice.enough(cases, error, None, None))
+    table["time"] = advice.costs(cases)
+    return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
+
+
+def largest(row: pd.Series) -> float | None:
+    """The largest relative change of H, L and ū itself, without its bounds; None where a run did not finish."""
+    return max(abs(float(row[f"{name}_change"])) for name in advice.VARIABLES) if row["status"] == "finished" else None
+
+
+def plain(row: pd.Series) -> dict[str, Any]:
+    """A row ready for JSON."""
+    return {str(key): (value if isinstance(value, str) else None if pd.isna(value) else rounded(float(value))) for key, value in row.items()}
+
+
+def chosen(scene: Any) -> list[dict[str, Any]]:
+    """What is chosen with several seeds, and the seconds that takes with everything compiled, beside those of the scene's own run."""
+    rows = []
+    for seed in SEEDS:
+        made = advice.changed(scene, run={"seed": seed})
+        start = time.perf_counter()
+        evidence = advice.choose(made).chosen
+        between = time.perf_counter()
+        saltation.run(made)
+        rows.append({"seed": seed, "seconds": between - start, "run_seconds": time.perf_counter() - between, **evidence})
+    return rounded(rows)
+
+
+def combined(scene: Any) -> dict[str, Any]:
+    """Every open choice with every other."""
+    table = advice.combinations(scene)
+    extent = advice.extent(table)
+    return {
+        "number": len(table),
+        "finished": int((table["status"] == "finished").sum()),
+        "extent": {f"{quantile:g}": plain(row) for quantile, row in extent.iterrows()},
+        "shares": {str(choice): plain(row) for choice, row in advice.shares(table).iterrows()},
+    }
+
+
+def run(full: bool) -> dict[str, Any]:
+    """All scenes."""
+    found: dict[str, Any] = {"advised": {}, "ablation": {}, "sets": {}, "chosen": {}, "uncertainty": {}}
+    for name in SCENES:
+        scene = saltation.load(name)
+        found["advised"][name] = [rounded(row._asdict()) for row in advice.advise(scene)]
+        found["sets"][name] = truth(scene, ERROR[full])
+        found["ablation"][name] = [{"effect": str(effect), **plain(row)} for effect, row in advice.ablate(scene).iterrows()]
+        found["chosen"][name] = chosen(scene)
+        found["uncertainty"][name] = [plain(row) for _, row in advice.uncertainty(scene, error=0.01).iterrows()]
+    scene = saltation.load(COMBINED)
+    return {**found, "seed": SEED, "error": ERROR[full], "tolerance": advice.TOLERANCE, "combined": {"scene": COMBINED, **combined(scene)}}

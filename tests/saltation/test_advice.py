@@ -1,0 +1,301 @@
+"""Which effects a scene calls for: told by its numbers, measured by leaving out, chosen within a tolerance; what other choices do."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from scene_cases import interpreted, merged
+
+import saltation
+from saltation import advice, advice_plots, cli
+from saltation.effects import EFFECTS
+from saltation.scene import SceneError, scene_of, shipped
+from saltation.workers import Here
+
+PLAIN = {  # three numbers of state and no memory: quick to compile
+    "effects": ["weight", "drag", "lift"],
+    "dimensions": 2,
+    "history": None,
+    "bed": {"rebound": "garcia_nino", "roughness": "R7", "friction": None, "tangential_retention": 0.89},
+    "run": {"jumps": 10, "discard": 2, "trajectory": False, "longest_flight": 20.0},
+}
+
+
+def plain(**changes):
+    return scene_of(merged(merged(saltation.load("sand").model_dump(exclude_none=True), PLAIN), changes))
+
+
+def share(scene, effect):
+    return next(row for row in advice.advise(scene) if row.effect == effect).share
+
+
+class TestAdvise:
+    """The estimates scale as the forces do."""
+
+    def test_every_effect_has_a_verdict_a_reason_and_its_source(self):
+        for name in shipped():
+            rows = advice.advise(saltation.load(name))
+            assert [row.effect for row in rows] == list(EFFECTS)
+            assert all(row.reason and row.source == EFFECTS[row.effect].SOURCE for row in rows)
+            assert all(row.share >= 0.0 for row in rows)
+
+    def test_sand_calls_for_history_and_magnus_and_gravel_less_for_history(self):
+        told = {name: {row.effect: row for row in advice.advise(saltation.load(name))} for name in ("sand", "gravel")}
+        assert told["sand"]["history"].verdict == told["sand"]["magnus"].verdict == "keep"
+        assert told["gravel"]["history"].verdict != "keep"
+        assert told["sand"]["weight"].verdict == told["gravel"]["weight"].verdict == "needed"
+
+    def test_history_grows_as_the_root_of_the_viscosity(self):
+        """In still water the typical jump does not depend on it."""
+        thin, thick = (scene_of(merged(saltation.load("settling").model_dump(exclude_none=True), {"fluid": {"viscosity": nu}})) for nu in (1e-6, 9e-6))
+        assert share(thick, "history") == pytest.approx(3.0 * share(thin, "history"), rel=1e-12)
+
+    def test_added_mass_is_its_share_of_the_inertia(self):
+        heavy = plain(effects=["weight", "drag", "added_mass"], grain={"density": 4500.0})
+        assert share(heavy, "added_mass") == pytest.approx(0.5 / (4.5 + 0.5), rel=1e-12)
+
+    def test_a_fall_through_the_typical_height_takes_half_the_typical_time(self):
+        scene = saltation.load("sand")
+        jump, numbers = advice.typical(scene), scene.numbers
+        fall = numbers.alpha / numbers.shields
+        assert jump.rise == pytest.approx(fall * jump.duration / 2.0, rel=1e-12)
+        assert jump.height == pytest.approx(jump.rise**2 / (2.0 * fall), rel=1e-12)
+
+    def test_more_grains_meet_more_often(self):
+        content = saltation.load("sand_cloud").model_dump(exclude_none=True)
+        thin, dense = (share(scene_of(merged(content, {"cloud": {"concentration": c, "number": 400}})), "encounters") for c in (0.001, 0.01))
+        assert dense == pytest.approx(10.0 * thin, rel=1e-12)
+        assert share(saltation.load("sand"), "encounters") == 0.0
+
+
+def table_of(**rows):
+    """A table as of a campaign: H, L, ū (of each its relative standard error 0.1 %) and a status."""
+    lines = {}
+    for name, (status, *means) in rows.items():
+        line = {"status": status, "jumps": 1000}
+        for quantity, mean in zip(advice.VARIABLES, means, strict=True):
+            line |= {quantity: mean, f"{quantity}_se": 0.001 * mean}
+        lines[name] = line
+    return pd.DataFrame(lines).T.infer_objects()
+
+
+class TestCompare:
+    """Changes and their errors."""
+
+    def test_changes_are_relative_and_errors_add_in_squares(self):
+        found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), lift=("finished", 1.5, 10.0, 6.0)))
+        assert found.loc["lift", "height_change"] == pytest.approx(-0.25)
+        assert found.loc["lift", "velocity_change"] == pytest.approx(0.2)
+        assert found.loc["lift", "height_error"] == pytest.approx(math.hypot(0.0015, 0.002) / 2.0)
+        assert advice.bound(found.loc["lift"]) == pytest.approx(0.25 + 1.96 * math.hypot(0.0015, 0.002) / 2.0)
+
+    def test_a_run_that_does_not_finish_bounds_nothing(self):
+        found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), drag=("at rest", 2.0, 10.0, 5.0)))
+        assert advice.bound(found.loc["drag"]) == math.inf
+        assert advice.shown(found.loc["drag"]) == "at rest"
+
+
+class TestChoose:
+    """The rule, on made-up means: each effect adds what it says, jointly they add up."""
+
+    DOES: ClassVar = {"added_mass": 0.03, "lift": 0.01, "history": 0.2, "magnus": -0.5, "rotation": 0.3}
+
+    @pytest.fixture
+    def flown(self, monkeypatch):
+        """A campaign that knows the answer; returns the sets that were flown."""
+        tried = []
+
+        def campaign(scenes, executor=None, *, progress=None):
+            rows = []
+            for labels, scene in scenes:
+                tried.append(scene.names)
+                missing = [name for name in saltation.load("sand").names if name not in scene.names]
+                mean = 1.0 + sum(self.DOES.get(name, 0.0) for name in missing)
+                row = {"case": labels["case"], "jumps": scene.run.jumps, "status": "at rest" if "drag" in missing else "finished"}
+                rows.append(row | dict.fromkeys(advice.VARIABLES, mean) | {f"{name}_se": 1e-4 for name in advice.VARIABLES})
+            return pd.DataFrame(rows)
+
+        monkeypatch.setattr(advice, "campaign", campaign)
+        return tried
+
+    def test_what_changes_less_than_the_tolerance_is_left_out_together(self, flown):
+        made = advice.choose(saltation.load("sand"), 0.05)
+        assert set(made.chosen["left_out"]) == {"lift", "added_mass"}
+        assert made.names == ("weight", "drag", "history", "magnus", "rotation") == tuple(made.chosen["kept"])
+        assert made.chosen["bounds"]["drag"] == "at rest"
+        assert made.chosen["tried"][-1]["bound"] == pytest.approx(0.04, abs=1e-3)
+
+    def test_what_is_too_much_together_puts_the_largest_back(self, flown):
+        made = advice.choose(saltation.load("sand"), 0.035)
+        assert made.chosen["left_out"] == ["lift"]
+        assert [set(step["left_out"]) for step in made.chosen["tried"]] == [{"lift", "added_mass"}, {"lift"}]
+        assert made.chosen["chosen"]["height"] == pytest.approx(1.01)
+
+    def test_a_tight_tolerance_keeps_everything(self, flown):
+        made = advice.choose(saltation.load("sand"), 0.005)
+        assert made.chosen["left_out"] == [] and set(made.names) == set(saltation.load("sand").names)
+        assert made.chosen["full"] == made.chosen["chosen"]
+
+    def test_weight_is_never_left_out(self, flown):
+        assert "weight" in advice.choose(saltation.load("sand"), 0.5).names
+
+    def test_jumps_are_enough_for_the_error(self, monkeypatch, flown):
+        monkeypatch.setattr(advice, "PILOT", 400)
+        seen = []
+        monkeypatch.setattr(advice, "long", lambda scene, jumps: seen.append(jumps) or scene)
+        advice.enough({"full": saltation.load("sand")}, 0.5e-5, None, None)  # a standard error of 1e-4 after 400 jumps
+        assert seen == [400, advice.MOST]
+        advice.enough({"full": saltation.load("sand")}, 5e-5, None, None)
+        assert seen[2:] == [400, 1600]
+
+
+class TestAuto:
+    """effects = "auto": measured, recorded, the same everywhere."""
+
+    @pytest.fixture(autouse=True)
+    def quick(self, monkeypatch):
+        monkeypatch.setattr(advice, "PILOT", 8)
+        monkeypatch.setattr(advice, "MOST", 8)
+        with interpreted():
+            yield
+
+    @pytest.fixture
+    def three(self, monkeypatch):
+        """All effects there are: three."""
+        from saltation import scene as module
+
+        monkeypatch.setattr(module, "ALL", ("weight", "drag", "lift"))
+        return plain(effects="auto", tolerance=0.5)
+
+    def test_a_run_is_that_of_the_chosen_effects_and_keeps_the_evidence(self, three, tmp_path):
+        result = saltation.run(three)
+        assert result.scene.chosen["tolerance"] == 0.5
+        assert result.scene.names == tuple(result.scene.chosen["kept"])
+        named = saltation.run(plain(effects=list(result.scene.names)))
+        pd.testing.assert_frame_equal(result.jumps, named.jumps, check_exact=True)
+        result.save(tmp_path / "auto.nc")
+        assert saltation.open(tmp_path / "auto.nc").scene.chosen == result.scene.chosen
+
+    def test_the_same_choice_and_row_on_any_workers(self, three):
+        here = saltation.campaign([({"name": "auto"}, three)], Here())
+        assert saltation.run(three).summary().loc["height", "mean"] == here["height"].iloc[0]
+        with ThreadPoolExecutor(2) as executor:
+            evidence = advice.choose(plain(), 0.5, executor).chosen
+        assert evidence == advice.choose(plain(), 0.5, Here()).chosen
+
+    def test_a_tolerance_needs_auto_and_auto_a_bed(self):
+        with pytest.raises(SceneError, match="tolerance belongs to effects = 'auto'"):
+            scene_of(saltation.load("sand").model_dump(exclude_none=True) | {"tolerance": 0.1})
+        with pytest.raises(SceneError, match=r"effects = 'auto' needs a \[bed\]"):
+            scene_of(saltation.load("settling").model_dump(exclude_none=True) | {"effects": "auto"})
+        for function in (advice.ablate, advice.choose, advice.uncertainty, advice.combinations):
+            with pytest.raises(SceneError, match="bed is missing"):
+                function(saltation.load("settling"))
+
+
+class TestOtherChoices:
+    """What measurement has not settled."""
+
+    def test_each_variant_differs_in_one_choice_and_holds_the_scene_s_own(self):
+        scene = saltation.load("sand")
+        found = advice.variants(scene)
+        assert list(found) == ["profile", "reading", "restitution", "kernel", "rebound memory"]
+        for values in found.values():
+            assert sum(made == scene for made in values.values()) == 1
+        assert "reichardt" not in found["profile"]  # k_s+ = 18: not smooth
+        assert "reichardt" in advice.variants(scene_of(merged(scene.model_dump(exclude_none=True), {"fluid": {"viscosity": 1e-5}})))["profile"]
+
+    def test_without_history_there_is_no_memory_to_choose(self):
+        assert list(advice.variants(plain())) == ["profile", "reading", "restitution"]
+
+    def test_spreads_are_over_what_finishes(self):
+        table = table_of(a=("finished", 2.0, 10.0, 5.0), b=("finished", 1.0, 10.0, 5.0), c=("finished", 3.0, 10.0, 6.0), d=("at rest", 0.1, 0.1, 0.1))
+        table.insert(0, "choice", ["scene", "reading", "reading", "reading"])
+        (row,) = advice.spreads(table).to_dict("records")
+        assert (row["height_low"], row["height_high"], row["velocity_high"]) == (0.5, 1.5, 1.2)
+
+    def test_shares_of_a_product_add_up_to_one(self):
+        """H = a(profile) b(reading): logarithms add, so there is no interplay."""
+        rows = [
+            {"profile": p, "reading": r, "status": "finished", "height": a * b, "length": a, "velocity": b**2}
+            for p, a in (("x", 1.0), ("y", 2.0), ("z", 5.0))
+            for r, b in (("k", 1.0), ("l", 3.0))
+        ]
+        found = advice.shares(pd.DataFrame(rows))
+        assert np.allclose(found["height"].sum(), 1.0, rtol=1e-12)
+        assert found.loc["profile", "length"] == pytest.approx(1.0) and found.loc["reading", "length"] == pytest.approx(0.0, abs=1e-15)
+        a, b = np.log([1.0, 2.0, 5.0]).var(), np.log([1.0, 3.0]).var()
+        assert found.loc["profile", "height"] == pytest.approx(a / (a + b))
+
+    def test_all_combinations_are_flown(self, monkeypatch):
+        seen = []
+
+        def campaign(scenes, executor=None, *, progress=None):
+            seen.extend(scenes)
+            return pd.DataFrame([{**labels, "status": "finished"} | dict.fromkeys(advice.VARIABLES, 1.0) for labels, _ in scenes])
+
+        monkeypatch.setattr(advice, "campaign", campaign)
+        table = advice.combinations(saltation.load("sand"))
+        choices = advice.variants(saltation.load("sand"))
+        assert len(table) == math.prod(map(len, choices.values())) == len({scene.model_dump_json() for _, scene in seen})
+        labels, made = seen[-1]
+        assert (made.channel.profile, made.bed.reading) == (labels["profile"], labels["reading"])
+        assert (made.options("history").kernel, made.options("history").rebound) == (labels["kernel"], labels["rebound memory"])
+        assert str(made.bed.restitution) == labels["restitution"]
+
+
+def test_advise_prints_every_effect_with_its_source():
+    out = CliRunner().invoke(cli.main, ["advise", "sand"])
+    assert out.exit_code == 0
+    assert all(name in out.stdout for name in EFFECTS)
+    assert "Rubinow" in out.stdout
+
+
+MISTAKES = {
+    "an error of nothing": (["ablate", "sand", "--error", "0"], ["--error", "between"]),
+    "an output that is no table": (["ablate", "sand", "--output", "x.txt"], ["--output", ".csv"]),
+    "no bed": (["ablate", "settling"], ["bed is missing"]),
+    "no bed either": (["uncertainty", "settling"], ["bed is missing"]),
+    "no scene": (["advise", "sant"], ["did you mean 'sand'"]),
+    "a tolerance alone": (["run", "sand", "--set", "tolerance=0.1"], ["tolerance", "'auto'"]),
+    "a tolerance of three": (["run", "sand", "--set", "effects=auto", "--set", "tolerance=3"], ["tolerance", "0.5"]),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_mistakes_are_one_sentence(case):
+    arguments, words = MISTAKES[case]
+    out = CliRunner().invoke(cli.main, arguments)
+    assert out.exit_code == 2
+    assert len(out.stderr.strip().splitlines()) == 1
+    assert all(word in out.stderr for word in words)
+
+
+def test_ablate_prints_draws_and_writes(tmp_path, monkeypatch):
+    for name in ("PILOT", "MOST", "TIMED"):
+        monkeypatch.setattr(advice, name, 5)
+    monkeypatch.setattr(advice, "campaign", lambda scenes, executor, progress=None: saltation.campaign(scenes, Here(), progress=progress))
+    file, arguments = tmp_path / "table.csv", []
+    for name, value in (
+        ("effects", "['weight', 'drag', 'lift']"),
+        ("dimensions", "2"),
+        ("bed.rebound", "garcia_nino"),
+        ("bed.friction", ""),
+        ("bed.roughness", "R7"),
+        ("run.discard", "2"),
+    ):
+        arguments += ["--set", f"{name}={value}"]
+    arguments += ["--set", "bed.tangential_retention=0.89", "--set", "history="]
+    with interpreted():
+        out = CliRunner().invoke(cli.main, ["ablate", "sand", *arguments, "--output", str(file)])
+    assert out.exit_code == 0, out.output
+    table = pd.read_csv(file, index_col=0)
+    assert list(table.index) == ["full", "weight", "drag", "lift"]
+    assert table.loc["full", "height_change"] == 0.0 and table.loc["full", "time"] == 1.0
+    assert "without lift" in " ".join(label.get_text() for axes in advice_plots.ablation(table).axes for label in axes.get_yticklabels())
+    again = CliRunner().invoke(cli.main, ["ablate", "sand", *arguments, "--output", str(file)])
+    assert again.exit_code == 2 and "--force" in again.stderr
