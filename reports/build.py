@@ -1,6 +1,6 @@
 """`python -m reports.build`: the pages and figures from the JSON in reports/data. Nothing is timed here.
 
-The prose is in reports/templates; every number in it is computed here.
+The prose is in reports/templates; every number in it is computed here. A new page is one more entry in PAGES.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import matplotlib as mpl
 from basset._look import LOOK
 from reports import advice, analysis, figures, flights, grains, memory, saltation, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
-from reports.page import HERE, asked, factor, fill, footer, grouped, load, save, table, write
+from reports.page import HERE, Page, asked, factor, fill, footer, grouped, load, save, table, write
 
 SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")  # of the page on quadrature
 
@@ -40,8 +40,9 @@ def summary(generic: Sequence[Record]) -> str:
     return table(["largest error", *groups], rows)
 
 
-def opening(data: dict[str, Record], generic: Sequence[Record]) -> str:
+def opening(data: dict[str, Record]) -> str:
     """The three sentences to take away."""
+    generic = select(data["fresnel"]["records"], problem="fresnel_generic")
     cached = select(generic, clock=CACHED)
     best, high = analysis.cheapest(cached, 1e-9)[0], analysis.cheapest(cached, 1e-6)[0]
     low = analysis.reaches(select(cached, scheme="Hinsberg"), 1e-6)
@@ -248,7 +249,7 @@ def quadrature(data: dict[str, Record]) -> str:
     met = sum(row.met for row in targets)
     return fill(
         "quadrature.md",
-        opening=opening(data, generic),
+        opening=opening(data),
         near=analysis.NEAR,
         cheapest=summary(generic),
         **differences(data, generic),
@@ -275,36 +276,82 @@ def quadrature(data: dict[str, Record]) -> str:
     )
 
 
+PAGES = (
+    Page(
+        name="quadrature",
+        title="What accuracy costs in time",
+        description="every published way to compute the history integral, its error and its price.",
+        opening=opening,
+        lead="accuracy_time.png",
+        shows="error against time",
+        build=quadrature,
+        pictured=True,
+    ),
+    Page(
+        name="memory",
+        title="What the memory of the past costs in time, bytes and digits",
+        description="windows, tails and sums of exponentials, one sample at a time.",
+        opening=memory.opening,
+        lead="memory_costs.png",
+        shows="time and bytes against the steps remembered",
+        build=memory.memory,
+    ),
+    Page(
+        name="advice",
+        title="Which scheme for this accuracy?",
+        description="what `basset.advise` takes, beside the fastest that is really as exact.",
+        opening=advice.opening,
+        lead="advice_ratios.png",
+        shows="time over the fastest, per problem and accuracy",
+        build=advice.advice,
+    ),
+    Page(
+        name="solver",
+        title="What a digit costs, and what a jump does to each scheme's order",
+        description="equations with memory, every scheme and graded collocation.",
+        opening=solver.opening,
+        lead="solver_orders.png",
+        shows="measured orders before and after a jump",
+        build=solver.solver,
+    ),
+    Page(
+        name="saltation",
+        title="What each effect, each correction and each reading does to a jump",
+        description="a grain over a bed, beside published regressions.",
+        opening=saltation.opening,
+        lead="saltation_envelope.png",
+        shows="height, length and speed among the regressions",
+        build=saltation.saltation,
+        pictured=True,
+    ),
+    Page(
+        name="flights",
+        title="What a jump costs, and how exact it is",
+        description="speed and convergence of flights, collocation beside every scheme at fixed steps.",
+        opening=flights.opening,
+        lead="flights_accuracy.png",
+        shows="error of a jump against its time",
+        build=flights.flights,
+    ),
+    Page(
+        name="grains",
+        title="What encounters change, and what a grain among many costs",
+        description="the 24 runs of Table 4-1, spreading, and runs of up to 100 000 grains.",
+        opening=grains.opening,
+        lead="sand_cloud.gif",
+        shows="a sand cloud",
+        build=grains.grains,
+        pictured=True,
+    ),
+)
+
+
 def front(data: dict[str, Record]) -> str:
     """The page reports/README.md."""
-    generic = select(data["fresnel"]["records"], problem="fresnel_generic")
-    return "\n\n".join(
-        [
-            "# Reports",
-            "* [What accuracy costs in time](quadrature.md): every published way to compute the history integral, its error and its price.",
-            opening(data, generic),
-            "![error against time](figures/accuracy_time.png)",
-            "* [What the memory of the past costs in time, bytes and digits](memory.md): windows, tails and sums of exponentials, one sample at a time.",
-            memory.opening(data),
-            "![time and bytes against the steps remembered](figures/memory_costs.png)",
-            "* [Which scheme for this accuracy?](advice.md): what `basset.advise` takes, beside the fastest that is really as exact.",
-            advice.opening(data),
-            "![time over the fastest, per problem and accuracy](figures/advice_ratios.png)",
-            "* [What a digit costs, and what a jump does to each scheme's order](solver.md): equations with memory, every scheme and graded collocation.",
-            solver.opening(data),
-            "![measured orders before and after a jump](figures/solver_orders.png)",
-            "* [What each effect, each correction and each reading does to a jump](saltation.md): a grain over a bed, beside published regressions.",
-            saltation.opening(data),
-            "![height, length and speed among the regressions](figures/saltation_envelope.png)",
-            "* [What a jump costs, and how exact it is](flights.md): speed and convergence of flights, collocation beside every scheme at fixed steps.",
-            flights.opening(data),
-            "![error of a jump against its time](figures/flights_accuracy.png)",
-            "* [What encounters change, and what a grain among many costs](grains.md): the 24 runs of Table 4-1, spreading, and runs of up to 100 000 grains.",
-            grains.opening(data),
-            "![a sand cloud](figures/sand_cloud.gif)",
-            footer(data),
-        ]
-    )
+    parts = ["# Reports"]
+    for page in PAGES:
+        parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data), f"![{page.shows}](figures/{page.lead})"]
+    return "\n\n".join([*parts, footer(data)])
 
 
 @click.command()
@@ -312,9 +359,7 @@ def main() -> None:
     """Build every page from the JSON in reports/data."""
     data = load(HERE / "data")
     with mpl.rc_context(LOOK):
-        pages = {"quadrature.md": quadrature(data), "memory.md": memory.memory(data), "solver.md": solver.solver(data)}
-        pages |= {"saltation.md": saltation.saltation(data), "flights.md": flights.flights(data), "grains.md": grains.grains(data), "README.md": front(data)}
-        pages["advice.md"] = advice.advice(data)
+        pages = {page.file: page.build(data) for page in PAGES} | {"README.md": front(data)}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,20 @@ STYLE: dict[str, tuple[str, str]] = {  # colour, marker
 }
 
 
+def _alternative(figure: Any) -> str:
+    """A figure's title, or those of its panels, as plain text."""
+    titles = [figure.get_suptitle()] if figure.get_suptitle() else [axes.get_title() for axes in figure.axes]
+    text = "; ".join(dict.fromkeys(" ".join(title.split()) for title in titles if title))
+    return re.sub(r"\\\w+|[$\\{}\[\]]", "", text)
+
+
 def save(figure: Any, folder: Path, name: str) -> str:
-    """Write NAME.svg and NAME.png, without dates; the Markdown that shows the figure."""
+    """Write NAME.svg and NAME.png, without dates; the Markdown that shows the figure, its title as the text for those who do not see it."""
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
     figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
     plt.close(figure)
-    return f"![{name.replace('_', ' ')}](figures/{name}.png)\n\n([SVG](figures/{name}.svg))"
+    return f"![{_alternative(figure) or name.replace('_', ' ')}](figures/{name}.png)\n\n([SVG](figures/{name}.svg))"
 
 
 def _line(axes: Any, records: list[Record], x: str, y: str, scheme: str, **more: Any) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,25 @@ from reports import figures
 from reports.analysis import Record, Target
 
 HERE = Path(__file__).resolve().parent
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page: how the front page presents it, and what makes it."""
+
+    name: str  # of its file without .md, and of its part of index.html
+    title: str
+    description: str  # one line of Markdown
+    opening: Callable[[dict[str, Record]], str]  # its sentences to take away
+    lead: str  # the figure that stands for it, a file in reports/figures
+    shows: str  # what that figure shows
+    build: Callable[[dict[str, Record]], str]
+    pictured: bool = False  # one of the pictures that index.html starts with
+
+    @property
+    def file(self) -> str:
+        """Its file in reports."""
+        return f"{self.name}.md"
 
 
 def load(folder: Path) -> dict[str, Record]:
