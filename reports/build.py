@@ -14,6 +14,7 @@ import matplotlib as mpl
 from basset._look import LOOK
 from reports import advice, analysis, figures, flights, grains, memory, saltation, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
+from reports.index import index
 from reports.page import HERE, Page, asked, factor, fill, footer, grouped, load, save, table, write
 
 SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")  # of the page on quadrature
@@ -66,7 +67,7 @@ def opening(data: dict[str, Record]) -> str:
 
 def ratio_over(records: Sequence[Record], clock: str, above: str, below: str, smallest: int = 512) -> float:
     """Median over N of the ratio of two schemes' times."""
-    pairs = []
+    pairs: list[float] = []
     for record in select(records, scheme=above, clock=clock):
         other = select(records, scheme=below, clock=clock, n=record["n"])
         if record["n"] >= smallest and other and record["seconds"] and other[0]["seconds"]:
@@ -348,7 +349,7 @@ PAGES = (
 
 def front(data: dict[str, Record]) -> str:
     """The page reports/README.md."""
-    parts = ["# Reports"]
+    parts = ["# Reports", "Everything on one page, with tables that sort: open [index.html](index.html) in a browser; it needs no network."]
     for page in PAGES:
         parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data), f"![{page.shows}](figures/{page.lead})"]
     return "\n\n".join([*parts, footer(data)])
@@ -359,7 +360,8 @@ def main() -> None:
     """Build every page from the JSON in reports/data."""
     data = load(HERE / "data")
     with mpl.rc_context(LOOK):
-        pages = {page.file: page.build(data) for page in PAGES} | {"README.md": front(data)}
+        pages = {page.file: page.build(data) for page in PAGES}
+    pages |= {"README.md": front(data), "index.html": index(PAGES, list(pages.values()), [page.opening(data) for page in PAGES], footer(data))}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

@@ -40,9 +40,14 @@ def load(folder: Path) -> dict[str, Record]:
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
 
 
-def fill(template: str, **values: Any) -> str:
+def template(name: str) -> str:
+    """A file of reports/templates."""
+    return (HERE / "templates" / name).read_text(encoding="utf-8").rstrip()
+
+
+def fill(name: str, **values: Any) -> str:
     """A template with its fields filled."""
-    return (HERE / "templates" / template).read_text(encoding="utf-8").rstrip().format(**values)
+    return template(name).format(**values)
 
 
 def write(path: Path, text: str) -> None:
