@@ -18,14 +18,18 @@ from PIL import Image
 
 from reports.page import HERE, Page, fill, template
 
-BLANKS = re.compile(r"(?<=\d) (?=\d{3}(?!\d)|[×%]|(?:ns|µs|ms|s|[kMG]?B|mm|m|d)\b)| (?=± )|(?<=±) ")  # inside quantities, where no line may break
+BLANKS = re.compile(  # inside quantities, where no line may break: digits, units, uncertainties, symbols before their values
+    r"(?<=\d) (?=\d{3}(?!\d)|[×%]|(?:ns|µs|ms|s|[kMG]?B|mm|m|d)\b)| (?=± )|(?<=±) |(?:(?<=\b[^\W\d])|(?<=_[^\W\d])) (?=[-−+]?\d)"
+)
+MINUS = re.compile(r"(?<![\w)])-(?=\d)")
 POWERS = re.compile(r"\d(?:[\d.]*\d)?e-\d+")
 LOWERED, RAISED = re.compile(r"\b([^\W\d_]{1,2})_([^\W\d_]{1,3}|∞)\b"), re.compile(r"(?<=[\w)])\^(?:\(((?:[^()]|\([^()]*\))+)\)|([-−+]?\w+(?:\.\d+)?))")
 
 
 def line(text: str) -> str:
     """Text as HTML: quantities stay on one line, indices and exponents stand where they belong."""
-    text = POWERS.sub(r"<span class='whole'>\g<0></span>", BLANKS.sub("\u00a0", escape(text, quote=False)))
+    text = MINUS.sub("−", BLANKS.sub("\u00a0", escape(text, quote=False)))
+    text = POWERS.sub(r"<span class='whole'>\g<0></span>", text)
     return RAISED.sub(lambda found: f"<sup>{found[1] or found[2]}</sup>", LOWERED.sub(r"\1<sub>\2</sub>", text))
 
 
@@ -54,13 +58,12 @@ def number(cell: str) -> tuple[str, float] | None:
 
 
 def keys(cells: Sequence[str]) -> list[float | None]:
-    """What sorts a column: numbers if most cells start with one, or all have the same words before it; otherwise nothing, and text sorts."""
-    told = [cell for cell in cells if cell not in MISSING]
-    found = [number(cell) if cell not in MISSING else None for cell in cells]
-    prefixes = Counter(pair[0] for pair in found if pair)
-    shared = next((prefix for prefix, times in prefixes.items() if times == len(told)), None)
-    if shared is None and 2 * prefixes[""] >= max(len(told), 1):
-        shared = ""
+    """What sorts a column: the first numbers, if they stand first in at least half of the cells or after the same words; otherwise nothing, and text sorts."""
+    found = [None if cell in MISSING else number(cell) for cell in cells]
+    told = sum(cell not in MISSING for cell in cells)
+    shared, times = next(iter(Counter(pair[0] for pair in found if pair).most_common(1)), ("", 0))
+    if 2 * times < told or "(" in shared:  # the parameters of a scheme are no quantity
+        return [None] * len(cells)
     return [pair[1] if pair and pair[0] == shared else None for pair in found]
 
 

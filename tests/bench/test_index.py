@@ -130,15 +130,18 @@ def test_what_a_cell_sorts_by(cell, before, value):
 def test_what_a_column_sorts_by():
     assert keys(["120 µs", "2 ms", "–", "not reached with 1 024 steps", "1 s"]) == [pytest.approx(1.2e-4), 2e-3, None, None, 1.0]
     assert keys(["rtol 1e-3", "rtol 1e-11"]) == [1e-3, 1e-11]
+    assert keys(["H −7.1 ± 0.1 (−25 %)", "H +0.5", "at rest after 342 jumps", "unchanged"]) == [-7.1, 0.5, None, None]
+    assert keys(["Daitche(1)", "Daitche(2)"]) == [None] * 2
     assert keys(["Exponential(1, 1e-3)", "window, tail 1e-6", "full history"]) == [None] * 3
     assert keys(["met", "missed"]) == [None] * 2
 
 
 def test_formulas_read_well():
     assert line("R_p 73 falls as t^(−1/2), e^(−(t−6)²), 2^16. A power_10 of 1 000 000") == (
-        "R<sub>p</sub> 73 falls as t<sup>−1/2</sup>, e<sup>−(t−6)²</sup>, 2<sup>16</sup>. A power_10 of 1\u00a0000\u00a0000"
+        "R<sub>p</sub>\u00a073 falls as t<sup>−1/2</sup>, e<sup>−(t−6)²</sup>, 2<sup>16</sup>. A power_10 of 1\u00a0000\u00a0000"
     )
     assert line("to 1e-9") == "to <span class='whole'>1e-9</span>"
+    assert line("-0.5 in eqs. 5-7 and (3-6)") == "−0.5 in eqs. 5-7 and (3-6)"
     assert line("a < 3 % in 5 ms") == "a &lt; 3\u00a0% in 5\u00a0ms"
 
 
