@@ -14,8 +14,7 @@ import xarray as xr
 
 from basset.kernels import Floats
 from saltation import encounters, flight, statistics
-from saltation.engine import REST
-from saltation.result import UNITS, Kept, shares, table_in, table_of
+from saltation.result import UNITS, Kept, shares, table_in, table_of, that_count
 from saltation.scene import scene_of
 
 WHOLE = ("grain", "first", "second")  # columns that count grains
@@ -76,14 +75,8 @@ class CloudResult(Kept):
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none.
-
-        A grain that has just touched the bed and is hit from above touches it again at once: two impacts with no flight between
-        (shorter than `engine.REST`), which have neither a velocity nor a spin.
-        """
-        number = self.all_jumps.groupby("grain").cumcount()
-        counts = (number >= self.scene.run.discard) & (self.all_jumps["duration"] > REST)
-        return self.all_jumps[counts].reset_index(drop=True)
+        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none."""
+        return that_count(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number."""

@@ -18,8 +18,8 @@ from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers._march import (
     ACCEPTED,
+    AGAIN,
     CALLS,
-    ERROR,
     FIRST,
     FULL,
     JUMPED,
@@ -31,11 +31,11 @@ from basset.solvers._march import (
     STEP,
     STEPS,
     TIME,
-    TOO_MANY,
     accept,
     choose,
     decay_error,
     defect_error,
+    judge,
     states_between,
 )
 from basset.spectrum import ratio_at
@@ -468,14 +468,11 @@ def attempt(model, finite, spin, problem, nodes, tables, state, values, work):
                 error *= 4.0  # after a jump its solution has powers of √t that the step's polynomial has not
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
-        if error <= 1.0:
-            if numbers[STEPS] >= problem.max_steps:
-                return TOO_MANY
-            numbers[ERROR] = error
-            return ACCEPTED
-        if h <= problem.floor:
+        if error > 1.0 and h <= problem.floor:
             return NOT_FINITE
-        numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+        code = judge(problem, state, error, power)
+        if code != AGAIN:
+            return code
 
 
 @shared

@@ -23,7 +23,7 @@ from basset.kernels import Floats
 from saltation import flight, regressions, statistics
 from saltation._files import replacing
 from saltation.effects import EFFECTS
-from saltation.engine import Engine
+from saltation.engine import REST, Engine
 from saltation.scene import scene_of
 
 UNITS = {  # of the table of jumps
@@ -87,6 +87,15 @@ def table_of(rows: Floats, stokes: float) -> pd.DataFrame:
         "contacts": c["contacts"],
     }
     return pd.DataFrame(columns)
+
+
+def that_count(jumps: pd.DataFrame, number: Any, discard: int) -> pd.DataFrame:
+    """The jumps from number `discard` on that are flights.
+
+    A grain that comes to rest, or has just touched the bed and is hit from above, touches it again at once: two impacts with
+    no flight between (shorter than `engine.REST`), which have neither a velocity nor a spin.
+    """
+    return jumps[(number >= discard) & (jumps["duration"] > REST)].reset_index(drop=True)
 
 
 class Kept:
@@ -155,12 +164,13 @@ class Result(Kept):
         """From what the flights recorded; `spin` (3,) is that of a last flight without impact."""
         spins = np.vstack([rows[:, -3:], spin])  # at the end of every flight
         jumps = table_of(rows, engine.numbers.stokes(1.0))
-        return cls(engine.scene, jumps, status, message, provenance(engine, jumps.iloc[engine.scene.run.discard :]), None, engine, record, spins)
+        counted = that_count(jumps, jumps.index, engine.scene.run.discard)
+        return cls(engine.scene, jumps, status, message, provenance(engine, counted), None, engine, record, spins)
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard`."""
-        return self.all_jumps.iloc[self.scene.run.discard :].reset_index(drop=True)
+        """The jumps that count: without the first `run.discard`, and without flights that are none (shorter than `engine.REST`)."""
+        return that_count(self.all_jumps, self.all_jumps.index, self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap) and number, one row per column of `jumps`."""

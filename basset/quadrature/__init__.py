@@ -1,6 +1,9 @@
-"""The rules, one small class per published method, and the names they have in scenes and commands."""
+"""The rules, one small class per published method, and the names they have in scenes and commands; a new file is a new rule."""
 
 from __future__ import annotations
+
+import importlib
+import pkgutil
 
 from basset import _validate
 from basset.quadrature.base import Rule
@@ -31,4 +34,11 @@ class _Schemes(dict[str, type[Rule]]):
         raise UnknownSchemeError(f"scheme must be one of {', '.join(map(repr, self))}, got {name!r}{near}")
 
 
-SCHEMES: dict[str, type[Rule]] = _Schemes({rule.name: rule for rule in (SemiDerivative, EulerMaclaurin, Brush, Daitche, Hinsberg, Windowed, Exponential)})
+def _found() -> dict[str, type[Rule]]:
+    """Every class of this folder that has a name of its own, by that name."""
+    modules = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
+    classes = [thing for module in modules for thing in vars(module).values() if isinstance(thing, type) and thing.__module__ == module.__name__]
+    return {thing.name: thing for thing in classes if issubclass(thing, Rule) and "name" in vars(thing)}
+
+
+SCHEMES: dict[str, type[Rule]] = _Schemes(_found())

@@ -17,7 +17,7 @@ from basset._compile import compiled, overloads, shared
 from basset._stream import dot
 from basset.kernels import Floats
 
-END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE = range(7)
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN = range(8)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
@@ -410,6 +410,20 @@ def differentiate(fun, problem, state):
 
 
 @shared
+def judge(problem, state, error, power):
+    """ACCEPTED or TOO_MANY; AGAIN after setting the next step to try, for an error that falls as step^power."""
+    numbers = state.numbers
+    if error <= 1.0:
+        if numbers[STEPS] >= problem.max_steps:
+            return TOO_MANY
+        numbers[ERROR] = error
+        return ACCEPTED
+    h = numbers[STEP]
+    numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+    return AGAIN
+
+
+@shared
 def attempt(fun, problem, nodes, tables, state, values):
     """Find the next step that keeps the tolerance: node values into `values`, its size in numbers[STEP]; ACCEPTED or why not."""
     numbers, count = state.numbers, len(nodes.c)
@@ -441,12 +455,9 @@ def attempt(fun, problem, nodes, tables, state, values):
             error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
-        if error <= 1.0:
-            if numbers[STEPS] >= problem.max_steps:
-                return TOO_MANY
-            numbers[ERROR] = error
-            return ACCEPTED
-        numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+        code = judge(problem, state, error, power)
+        if code != AGAIN:
+            return code
 
 
 def _make_attempt(digest: str) -> Callable[..., Any]:
