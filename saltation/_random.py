@@ -5,6 +5,8 @@ Restarts, re-computation and the number of workers cannot change them. Source: S
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from basset._compile import shared
@@ -14,9 +16,11 @@ HALF = np.uint64(32)
 FIRST, SECOND = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 STEP, OTHER = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 
+Draws = tuple[float, float, float, float]
+
 
 @shared
-def philox(counter, key):
+def philox(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Any, Any, Any, Any]:
     """Ten rounds on four 32-bit words (uint64 each) with a key of two."""
     a, b, c, d = counter
     k, m = key
@@ -28,7 +32,7 @@ def philox(counter, key):
 
 
 @shared
-def uniforms(seed, grain, impact):
+def uniforms(seed: int, grain: int, impact: int) -> Draws:
     """Four uniform numbers in (0, 1), 32 bits each, of one impact of one grain."""
     place = np.uint64(impact)
     words = philox((place & MASK, place >> HALF, np.uint64(grain) & MASK, np.uint64(grain) >> HALF), (np.uint64(seed) & MASK, np.uint64(seed) >> HALF))

@@ -127,7 +127,7 @@ class Parts(NamedTuple):
 
 
 @shared
-def index(number):
+def index(number: Any) -> Any:
     """One type for all numbers of grains: every function is compiled once."""
     return np.int64(number)
 
@@ -136,14 +136,14 @@ def index(number):
 
 
 @shared
-def less(crowd, one, other):
+def less(crowd: Crowd, one: int, other: int) -> bool:
     """Which of two grains comes first; ties by number, so that the order never depends on the past."""
     a, b = crowd.clock[one], crowd.clock[other]
     return a < b or (a == b and one < other)
 
 
 @shared
-def sift(crowd, grain):
+def sift(crowd: Crowd, grain: int) -> None:
     """Put a grain whose event has changed into its place of the heap."""
     heap, place = crowd.heap, crowd.place
     k = place[grain]
@@ -171,7 +171,7 @@ def sift(crowd, grain):
 
 
 @shared
-def set_event(world, crowd, grain, time, kind, partner):
+def set_event(world: World | None, crowd: Crowd, grain: int, time: float, kind: int, partner: int) -> None:
     """Give a grain its next event."""
     crowd.clock[grain], crowd.kind[grain], crowd.partner[grain] = time, kind, partner
     if world is not None:
@@ -182,7 +182,7 @@ def set_event(world, crowd, grain, time, kind, partner):
 
 
 @shared
-def leave_cell(crowd, heads, grain):
+def leave_cell(crowd: Crowd, heads: Any, grain: int) -> None:
     """Take a grain out of its cell."""
     cell, link = crowd.cell[grain], crowd.link
     if cell < 0:
@@ -198,7 +198,7 @@ def leave_cell(crowd, heads, grain):
 
 
 @shared
-def enter_cell(world, crowd, heads, grain):
+def enter_cell(world: World, crowd: Crowd, heads: Any, grain: int) -> None:
     """Put a grain into the cell over the middle of its path; open worlds are folded, which only adds candidates."""
     column = math.floor(crowd.path[grain, X] / world.cell_x) % world.along
     row = math.floor(crowd.path[grain, Y] / world.cell_y) % world.across
@@ -209,7 +209,7 @@ def enter_cell(world, crowd, heads, grain):
 
 
 @shared
-def nearest(difference, period):
+def nearest(difference: float, period: float) -> float:
     """A difference of positions in a periodic box."""
     if math.isinf(period):
         return difference
@@ -217,7 +217,7 @@ def nearest(difference, period):
 
 
 @shared
-def velocity_of(model, states, velocity):
+def velocity_of(model: flight.Model, states: Floats, velocity: Floats) -> None:
     """Velocity that belongs to some states, three components, into `velocity`."""
     if model.across is None:
         velocity[0], velocity[1], velocity[2] = states[2] + both(model.profile, states[1])[0], 0.0, states[3]
@@ -226,7 +226,9 @@ def velocity_of(model, states, velocity):
 
 
 @shared
-def describe(model, nodes, h, singular, share, y, polynomial, work, path):
+def describe(
+    model: flight.Model, nodes: _march.Nodes, h: float, singular: int, share: float, y: Floats, polynomial: Floats, work: flight.Work, path: Floats
+) -> float:
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
     d = 2 if model.across is None else 3
     here, before, now = work.here[0], work.out[0], work.out[1]
@@ -262,7 +264,7 @@ def describe(model, nodes, h, singular, share, y, polynomial, work, path):
 
 
 @shared
-def passes(world, one, two, start, end):
+def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> bool:
     """Whether two paths may come within one diameter in [start, end]."""
     middle = 0.5 * (start + end)
     at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
@@ -280,21 +282,22 @@ def passes(world, one, two, start, end):
     share = -(x * u + y * v + z * w)
     share = min(half, max(-half, share / speed)) if speed > 0.0 else 0.0
     x, y, z = x + u * share, y + v * share, z + w * share
-    return x * x + y * y + z * z <= near * near
+    met: bool = x * x + y * y + z * z <= near * near
+    return met
 
 
 # Meetings
 
 
 @shared
-def polynomial_of(parts, crowd, grain, out):
+def polynomial_of(parts: Parts, crowd: Crowd, grain: int, out: Floats) -> None:
     """The polynomial of the step in hand."""
     numbers = crowd.numbers[grain]
     flight.fit_polynomial(parts.nodes, parts.rise, int(numbers[SINGULAR]), numbers[STEP], crowd.values[grain], out)
 
 
 @shared
-def states_at(crowd, grain, polynomial, time, row):
+def states_at(crowd: Crowd, grain: int, polynomial: Floats, time: float, row: Floats) -> None:
     """All states of a grain at a time of the step in hand, into `row`."""
     numbers = crowd.numbers[grain]
     theta = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
@@ -302,7 +305,7 @@ def states_at(crowd, grain, polynomial, time, row):
 
 
 @shared
-def apart(model, world, crowd, i, j, one, two, time, rows):
+def apart(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Floats, two: Floats, time: float, rows: Floats) -> tuple[float, float]:
     """Gap between two surfaces and its rate of change; `rows` is overwritten."""
     d = 2 if model.across is None else 3
     first, second = rows[0], rows[1]
@@ -319,13 +322,14 @@ def apart(model, world, crowd, i, j, one, two, time, rows):
 
 
 @shared
-def fall(age, time):
+def fall(age: float, time: float) -> float:
     """∫ from 0 to `time` of √(age + t) − √age."""
-    return 2.0 / 3.0 * ((age + time) ** 1.5 - age**1.5) - math.sqrt(age) * time
+    value: float = 2.0 / 3.0 * ((age + time) ** 1.5 - age**1.5) - math.sqrt(age) * time
+    return value
 
 
 @shared
-def certain(gap, rate, bend, one, two, age_one, age_two, left):
+def certain(gap: float, rate: float, bend: float, one: float, two: float, age_one: float, age_two: float, left: float) -> float:
     """How long the gap surely stays open, at most `left`: gap + rate·t − bend·t²/2 − one·fall − two·fall ≥ 0."""
     if gap + rate * left - 0.5 * bend * left * left - one * fall(age_one, left) - two * fall(age_two, left) >= 0.0:
         return left
@@ -355,7 +359,7 @@ def certain(gap, rate, bend, one, two, age_one, age_two, left):
 
 
 @shared
-def meeting(model, world, crowd, i, j, one, two, start, end, rows):
+def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Floats, two: Floats, start: float, end: float, rows: Floats) -> float:
     """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond."""
     first, second = crowd.path[i], crowd.path[j]
     touch = 1e-12 + 1e-14 * abs(end)  # rounding of positions and times
@@ -394,11 +398,11 @@ def meeting(model, world, crowd, i, j, one, two, start, end, rows):
 
 
 @shared
-def seek(parts, world, crowd, heads, i, now, work, other):
+def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: float, work: flight.Work, other: Floats) -> None:
     """Find the earliest encounter of grain i in the step in hand, and make it the next event of both."""
     path = crowd.path
     mine = path[i]
-    start, best, chosen = max(now, mine[BEGIN]), mine[END], np.int64(-1)
+    start, best, chosen = max(now, mine[BEGIN]), mine[END], index(-1)
     column, row = math.floor(mine[X] / world.cell_x), math.floor(mine[Y] / world.cell_y)
     reach = 1.0 + REACH + 0.5 * (mine[END] - mine[BEGIN]) * math.sqrt(mine[U] ** 2 + mine[V] ** 2 + mine[W] ** 2) + mine[SPREAD]
     long, wide = math.ceil(reach / world.cell_x), math.ceil(reach / world.cell_y)
@@ -416,7 +420,7 @@ def seek(parts, world, crowd, heads, i, now, work, other):
                         polynomial_of(parts, crowd, j, other)
                         time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
                         if abs(time) < best:
-                            best, chosen = abs(time), j if time >= 0.0 else np.int64(-1)
+                            best, chosen = abs(time), j if time >= 0.0 else index(-1)
                 j = index(crowd.link[j])
     if chosen < 0:
         set_event(world, crowd, i, best, index(crowd.own[i]) if best == mine[END] else SEEK, -1)
@@ -431,13 +435,13 @@ def seek(parts, world, crowd, heads, i, now, work, other):
 
 
 @shared
-def view(crowd, i, jacobian):
+def view(crowd: Crowd, i: int, jacobian: Floats) -> _march.State:
     """One grain's state as the loops of a single grain know it."""
     return _march.State(crowd.y[i], crowd.rate[i], crowd.past[i], crowd.jump[i], jacobian, crowd.numbers[i])
 
 
 @shared
-def room_of(crowd, i, work):
+def room_of(crowd: Crowd, i: int, work: flight.Work) -> flight.Work:
     """The shared work space with what a grain keeps from step to step."""
     return flight.Work(
         work.rates, work.states, work.inverse, work.matrix, work.force, work.extra, work.residual, crowd.diagonal[i],
@@ -446,7 +450,9 @@ def room_of(crowd, i, work):
 
 
 @shared
-def contact_in(bed, model, nodes, state, singular, account, i, work):
+def contact_in(
+    bed: flight.Bed | None, model: flight.Model, nodes: _march.Nodes, state: _march.State, singular: int, account: Floats, i: int, work: flight.Work
+) -> float:
     """θ of the first contact with the bed in the step that is in `work`, 2 if there is none."""
     if bed is None:
         return 2.0
@@ -461,7 +467,7 @@ def contact_in(bed, model, nodes, state, singular, account, i, work):
 
 
 @shared
-def plan(parts, world, crowd, heads, logs, i, jacobian, work):
+def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, jacobian: Floats, work: flight.Work) -> int:
     """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`.
 
     A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
@@ -506,7 +512,7 @@ def plan(parts, world, crowd, heads, logs, i, jacobian, work):
 
 
 @shared
-def write_samples(model, crowd, samples, i, polynomial, until, row):
+def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
     """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = 2 if model.across is None else 3
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
@@ -519,7 +525,7 @@ def write_samples(model, crowd, samples, i, polynomial, until, row):
 
 
 @shared
-def cut_at(parts, crowd, samples, i, now, theta, jacobian, work):
+def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, theta: float, jacobian: Floats, work: flight.Work) -> None:
     """Take the step in hand up to θ, at time `now`; its polynomial is in `work`."""
     state, numbers = view(crowd, i, jacobian), crowd.numbers[i]
     write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
@@ -530,7 +536,7 @@ def cut_at(parts, crowd, samples, i, now, theta, jacobian, work):
 
 
 @shared
-def come_down(bed, parts, crowd, logs, i, state, work):
+def come_down(bed: flight.Bed | None, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: _march.State, work: flight.Work) -> int:
     """Strike the bed: ACCEPTED or REST."""
     if bed is None:
         return ACCEPTED
@@ -540,7 +546,7 @@ def come_down(bed, parts, crowd, logs, i, state, work):
 
 
 @shared
-def finish(parts, crowd, samples, logs, i, jacobian, work, record):
+def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jacobian: Floats, work: flight.Work, record: _march.Record) -> int:
     """Take the step in hand to its own end: ACCEPTED or REST. Its polynomial is in `work`."""
     now, numbers = crowd.path[i, END], crowd.numbers[i]
     state = view(crowd, i, jacobian)
@@ -560,7 +566,7 @@ def finish(parts, crowd, samples, logs, i, jacobian, work, record):
 
 
 @shared
-def collide(parts, world, crowd, i, j, time, row, jacobian):
+def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats, jacobian: Floats) -> None:
     """Two grains in contact: velocities, spins and memories jump, and the encounter is written down."""
     model = parts.model
     d = 2 if model.across is None else 3
@@ -594,16 +600,17 @@ def collide(parts, world, crowd, i, j, time, row, jacobian):
 
 
 @shared
-def cascading(world, crowd, grain, now):
+def cascading(world: World, crowd: Crowd, grain: int, now: float) -> bool:
     """Whether a grain has had too many encounters within one d/V."""
     if now - crowd.calm[grain] > 1.0:
         crowd.calm[grain], crowd.burst[grain] = now, 0
     crowd.burst[grain] += 1
-    return crowd.burst[grain] > world.cascade
+    many: bool = crowd.burst[grain] > world.cascade
+    return many
 
 
 @shared
-def encounter(parts, world, crowd, samples, logs, i, now, jacobian, work):
+def encounter(parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, jacobian: Floats, work: flight.Work) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
     j = index(crowd.partner[i])
     for side in range(2):
@@ -624,7 +631,7 @@ def encounter(parts, world, crowd, samples, logs, i, now, jacobian, work):
 
 
 @shared
-def depart(world, crowd, heads, i):
+def depart(world: World | None, crowd: Crowd, heads: Any, i: int) -> None:
     """Take a grain out of the run."""
     set_event(world, crowd, i, math.inf, GONE, -1)
     if world is not None:
@@ -632,7 +639,20 @@ def depart(world, crowd, heads, i):
 
 
 @shared
-def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, fitted):
+def serve(
+    parts: Parts,
+    world: World | None,
+    crowd: Crowd,
+    heads: Any,
+    samples: Samples,
+    logs: Logs,
+    i: int,
+    jacobian: Floats,
+    work: flight.Work,
+    other: Floats,
+    record: _march.Record,
+    fitted: bool,
+) -> int:
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
     now, kind = crowd.clock[i], index(crowd.kind[i])
     if kind in (PLAN, AGAIN, ROUGH):
@@ -667,7 +687,19 @@ def serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, r
 
 
 def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(parts, world, crowd, heads, samples, logs, jacobian, work, other, record, until):
+    def advance(
+        parts: Parts,
+        world: World | None,
+        crowd: Crowd,
+        heads: Any,
+        samples: Samples,
+        logs: Logs,
+        jacobian: Floats,
+        work: flight.Work,
+        other: Floats,
+        record: _march.Record,
+        until: float,
+    ) -> int:
         """Serve events up to `until`: UNTIL, or why the caller is needed."""
         digest  # noqa: B018 - part of the cache key
         if world is None:
@@ -694,7 +726,7 @@ advance = compiled(_make_advance, allocates=False)
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts, crowd, samples, work, until):
+    def flush(parts: Parts, crowd: Crowd, samples: Samples, work: flight.Work, until: float) -> None:
         """Write all samples up to `until`, which every step in hand reaches."""
         digest  # noqa: B018 - part of the cache key
         for i in range(len(crowd.clock)):

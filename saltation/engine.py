@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -154,16 +155,16 @@ class Engine:
     def _bed(self, bed: Any) -> flight.Bed:
         restitution = self._restitution(bed)
         added = 1.0 + self.numbers.added_mass / self.numbers.density_ratio if bed.contact_mass == "immersed" else 1.0
-        rebound: Any = {
+        rebounds: dict[str, Callable[[], Any]] = {
             "tsuji": lambda: Tsuji(restitution, bed.friction, added),
             "garcia_nino": lambda: GarciaNino(restitution, bed.tangential_retention),
             "tsuji_printed": lambda: TsujiPrinted(restitution, bed.friction),
             "sliding_only": lambda: SlidingOnly(restitution, bed.friction),
-        }[bed.rebound]()
+        }
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
-        return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
+        return flight.Bed(rebounds[bed.rebound](), roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
     def memory(self, before: Any = None, when: Any = None) -> flight.Memory:
         """What the memory does at contacts; `before` and `when` for a memory of so many jumps."""

@@ -30,7 +30,26 @@ HELD, IMPLICIT = 0, 1  # the history of a step's beginning all through it; or bo
 
 
 def _make_cruise(digest: str) -> Callable[..., Any]:
-    def cruise(model, bed, problem, dt, method, weights, arrays, stream, counters, state, spin, flight_, room, limits, memory, jumps, path, prescribed):
+    def cruise(
+        model: flight.Model,
+        bed: flight.Bed | None,
+        problem: _march.Problem,
+        dt: float,
+        method: int,
+        weights: Floats,
+        arrays: tuple[Any, ...],
+        stream: tuple[Floats, Floats, Floats, Floats],
+        counters: Any,
+        state: _march.State,
+        spin: Floats,
+        flight_: Floats,
+        room: tuple[Floats, Floats, Floats, Floats, Floats],
+        limits: flight.Limits,
+        memory: flight.Memory,
+        jumps: Floats,
+        path: Floats,
+        prescribed: float | None,
+    ) -> tuple[int, int]:
         """Steps until an impact, a full record or the end: (code, nodes recorded)."""
         digest  # noqa: B018 - part of the cache key
         slots, short, oldest, interior, steady, fixed, loss, gains, entry = arrays
@@ -145,7 +164,19 @@ cruise = compiled(_make_cruise)
 
 
 def _make_strike(digest: str) -> Callable[..., Any]:
-    def strike(model, bed, memory, problem, state, spin, flight_, work, limits, jumps, prescribed):
+    def strike(
+        model: flight.Model,
+        bed: flight.Bed,
+        memory: flight.Memory,
+        problem: _march.Problem,
+        state: _march.State,
+        spin: Floats,
+        flight_: Floats,
+        work: flight.Work,
+        limits: flight.Limits,
+        jumps: Floats,
+        prescribed: float | None,
+    ) -> int:
         """`flight.land` on its own."""
         digest  # noqa: B018 - part of the cache key
         return flight.land(model, bed, memory, problem, state, spin, flight_, work, limits, jumps, prescribed)

@@ -31,6 +31,10 @@ from basset.solvers._march import (
     STEP,
     STEPS,
     TIME,
+    Nodes,
+    Problem,
+    State,
+    Tables,
     accept,
     choose,
     decay_error,
@@ -39,11 +43,12 @@ from basset.solvers._march import (
     states_between,
 )
 from basset.spectrum import ratio_at
-from saltation._random import uniforms
+from saltation._random import Draws, uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
 from saltation.effects.base import Situation, force, torque, total_force
 from saltation.flow import both
+from saltation.grain import Triple
 
 # why `fly` came back, beside the codes of basset's march
 JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
@@ -138,7 +143,7 @@ class Limits(NamedTuple):
 
 
 @shared
-def rates_of(model, spin, states, i, out):
+def rates_of(model: Model, spin: Floats, states: Floats, i: int, out: Floats) -> None:
     """Rates without history of row i of `states`, into row i of `out`."""
     if model.across is None:
         z, sx, sy, sz = states[i, 1], states[i, 2], 0.0, states[i, 3]
@@ -168,7 +173,7 @@ def rates_of(model, spin, states, i, out):
 
 
 @shared
-def invert(matrix, result):
+def invert(matrix: Floats, result: Floats) -> None:
     """The inverse of a small matrix into `result`, by Gauss–Jordan with row exchanges; `matrix` is used up."""
     n = len(matrix)
     for i in range(n):
@@ -215,7 +220,7 @@ class Work(NamedTuple):
 
 
 @shared
-def memory_before(problem, tables, state, slot, kind, force):
+def memory_before(problem: Problem, tables: Tables, state: State, slot: int, kind: int, force: Floats) -> None:
     """c·(memory of all that came before the step) at the stages, into `force`."""
     before, kernel, past, jump, strength = tables.past, tables.kernel, state.past, state.jump, problem.strength
     for i in range(len(force)):
@@ -228,7 +233,21 @@ def memory_before(problem, tables, state, slot, kind, force):
 
 
 @shared
-def excess(finite, problem, states, i, places, which, h, kind, past, state, values, scale, out):
+def excess(
+    finite: Finite,
+    problem: Problem,
+    states: Floats,
+    i: int,
+    places: Floats,
+    which: int,
+    h: float,
+    kind: int,
+    past: Floats,
+    state: State,
+    values: Floats,
+    scale: float,
+    out: Floats,
+) -> None:
     """c·(H − Basset's H) at row i of `states`, times `scale`, added to row i of `out`.
 
     `past` (terms,) are Basset's weights with their decay up to places[i] of the step.
@@ -272,7 +291,7 @@ def excess(finite, problem, states, i, places, which, h, kind, past, state, valu
 
 
 @shared
-def differentiate(model, spin, state, first, work):
+def differentiate(model: Model, spin: Floats, state: State, first: int, work: Work) -> None:
     """The diagonal of the Jacobian for slips and spins, by forward differences at the step's start."""
     here, out, y, diagonal = work.here, work.out, state.y, work.diagonal
     for a in range(len(y)):
@@ -294,7 +313,7 @@ def differentiate(model, spin, state, first, work):
 
 
 @shared
-def predict(model, spin, problem, nodes, tables, state, values, work):
+def predict(model: Model, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> None:
     """A first guess of the unknowns."""
     numbers, h, c, y, where = state.numbers, state.numbers[STEP], nodes.c, state.y, problem.where
     count, n = values.shape
@@ -330,7 +349,7 @@ def predict(model, spin, problem, nodes, tables, state, values, work):
 
 
 @shared
-def factorise(problem, nodes, tables, h, slot, kind, work):
+def factorise(problem: Problem, nodes: Nodes, tables: Tables, h: float, slot: int, kind: int, work: Work) -> None:
     """The inverse of each state's own stage matrix; states that nothing damps need none in a regular step."""
     matrix, inverse, diagonal, strength = work.matrix, work.inverse, work.diagonal, problem.strength
     local, slope, integral = tables.local, nodes.slope, nodes.integral
@@ -356,7 +375,9 @@ def factorise(problem, nodes, tables, h, slot, kind, work):
 
 
 @shared
-def solve_stages(model, finite, spin, problem, nodes, tables, state, values, work):
+def solve_stages(
+    model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work
+) -> int:
     """Solve the stages into `values`: iterations, negative if it failed."""
     numbers = state.numbers
     h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
@@ -432,12 +453,12 @@ def solve_stages(model, finite, spin, problem, nodes, tables, state, values, wor
 
 
 @shared
-def attempt(model, finite, spin, problem, nodes, tables, state, values, work):
+def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
     first = len(state.y) // 2 if len(problem.where) == 0 else problem.where[0]
     while True:
-        code = choose(problem, tables, state)
+        code: int = choose(problem, tables, state)
         if code != ACCEPTED:
             return code
         iterations = -1
@@ -476,7 +497,7 @@ def attempt(model, finite, spin, problem, nodes, tables, state, values, work):
 
 
 @shared
-def keep_rate(nodes, kind, h, values, work):
+def keep_rate(nodes: Nodes, kind: int, h: float, values: Floats, work: Work) -> None:
     """Keep the polynomial of the rates, for the next step's first guess."""
     count, n = values.shape
     work.past[0] = h if kind == 0 else 0.0
@@ -491,7 +512,7 @@ def keep_rate(nodes, kind, h, values, work):
 
 
 @shared
-def fit_polynomial(nodes, rise, kind, h, values, polynomial):
+def fit_polynomial(nodes: Nodes, rise: Floats, kind: int, h: float, values: Floats, polynomial: Floats) -> None:
     """Legendre coefficients of y(θ) − y_n, in θ for a regular step and in √θ for a singular one."""
     count, n = values.shape
     basis, scale = (nodes.singular, 1.0) if kind == 1 else (rise, h)
@@ -504,10 +525,11 @@ def fit_polynomial(nodes, rise, kind, h, values, polynomial):
 
 
 @shared
-def at(polynomial, y, kind, theta, a):
+def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
     """State a at θ."""
     x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
-    older, newer, total = 1.0, x, y[a] + polynomial[0, a] + polynomial[1, a] * x
+    total: float = y[a] + polynomial[0, a] + polynomial[1, a] * x
+    older, newer = 1.0, x
     for d in range(2, len(polynomial)):
         older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
         total += polynomial[d, a] * newer
@@ -515,7 +537,7 @@ def at(polynomial, y, kind, theta, a):
 
 
 @shared
-def all_at(polynomial, y, kind, theta, row):
+def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
     """All states at θ into `row`; the same bits as `at`."""
     x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
     for a in range(len(y)):
@@ -528,7 +550,7 @@ def all_at(polynomial, y, kind, theta, row):
 
 
 @shared
-def gap(model, bed, polynomial, y, kind, theta, draws):
+def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws) -> float:
     """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
     d = 2 if model.across is None else 3
     z = at(polynomial, y, kind, theta, d - 1)
@@ -542,7 +564,7 @@ def gap(model, bed, polynomial, y, kind, theta, draws):
 
 
 @shared
-def first_contact(model, bed, polynomial, y, kind, draws, fresh):
+def first_contact(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, fresh: bool) -> float:
     """θ of the first contact in the step, 2 if there is none. `fresh`: the step starts at a takeoff."""
     places = 2 * len(polynomial) + 1
     low, value_low = 0.0, 1.0 if fresh else gap(model, bed, polynomial, y, kind, 0.0, draws)
@@ -568,7 +590,9 @@ def first_contact(model, bed, polynomial, y, kind, draws, fresh):
 
 
 @shared
-def root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, value_high):
+def root_of_gap(
+    model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, low: float, value_low: float, high: float, value_high: float
+) -> float:
     """The contact between `low` (apart) and `high` (touching): regula falsi with Illinois's halving and bisection."""
     side = 0
     for i in range(80):
@@ -596,7 +620,7 @@ def root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, va
 
 
 @shared
-def cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values):
+def cut_memory(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
     """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
     count, members = len(nodes.c), len(problem.where)
     basis = nodes.singular if kind == 1 else nodes.regular
@@ -647,7 +671,7 @@ def cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values):
 
 
 @shared
-def cut_step(problem, nodes, memory, cut, state, theta, values, work):
+def cut_step(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, theta: float, values: Floats, work: Work) -> None:
     """Take the step that was found up to θ: state, memory and time."""
     numbers, y = state.numbers, state.y
     h, kind = numbers[STEP], int(numbers[SINGULAR])
@@ -663,7 +687,7 @@ def cut_step(problem, nodes, memory, cut, state, theta, values, work):
 
 
 @shared
-def watch(model, polynomial, y, kind, h, theta, flight):
+def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
     """Keep the highest point and the turning of the flight up to θ of the step."""
     d = 2 if model.across is None else 3
     before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
@@ -688,14 +712,14 @@ def watch(model, polynomial, y, kind, h, theta, flight):
 
 
 @shared
-def take_off(model, state, spin, flight, x, y, z, u, v, w):
+def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
     """Start the account of a new flight."""
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
 
 
 @shared
-def forget(kept, when, rates, state, done):
+def forget(kept: Any, when: Any, rates: Floats, state: State, done: int) -> None:
     """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
 
     Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
@@ -723,7 +747,7 @@ def forget(kept, when, rates, state, done):
 
 
 @shared
-def spin_of(model, state, spin):
+def spin_of(model: Model, state: State, spin: Floats) -> Triple:
     """The spin, three components."""
     s = state.y
     if model.turning is None:
@@ -734,7 +758,7 @@ def spin_of(model, state, spin):
 
 
 @shared
-def turn(model, state, spin, ox, oy, oz):
+def turn(model: Model, state: State, spin: Floats, ox: float, oy: float, oz: float) -> None:
     """Give the grain a new spin."""
     s = state.y
     if model.turning is None:
@@ -746,7 +770,7 @@ def turn(model, state, spin, ox, oy, oz):
 
 
 @shared
-def rebounded(model, memory, problem, state, stream, u, v, w):
+def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
     """Give the grain a new velocity after a contact: the memory makes of the jump what the scene says, and steps start small."""
     d = 2 if model.across is None else 3
     s, numbers = state.y, state.numbers
@@ -777,7 +801,19 @@ def rebounded(model, memory, problem, state, stream, u, v, w):
 
 
 @shared
-def land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed):
+def land(
+    model: Model,
+    bed: Bed,
+    memory: Memory,
+    problem: Problem,
+    state: State,
+    spin: Floats,
+    flight: Floats,
+    work: Work,
+    limits: Limits,
+    jumps: Floats,
+    prescribed: float | None,
+) -> int:
     """Strike the bed until the grain moves up; JUMPS when enough are done, REST when it lies still, else ACCEPTED."""
     d = 2 if model.across is None else 3
     s, numbers = state.y, state.numbers
@@ -842,7 +878,26 @@ class Record(NamedTuple):
 
 
 def _make_fly(digest: str) -> Callable[..., Any]:
-    def fly(model, bed, memory, limits, problem, nodes, rise, cut, tables, state, spin, flight, work, values, record, recording, jumps, prescribed):
+    def fly(
+        model: Model,
+        bed: Any,  # a Bed, or None
+        memory: Memory,
+        limits: Limits,
+        problem: Problem,
+        nodes: Nodes,
+        rise: Floats,
+        cut: Cut,
+        tables: Tables,
+        state: State,
+        spin: Floats,
+        flight: Floats,
+        work: Work,
+        values: Floats,
+        record: Record,
+        recording: bool,
+        jumps: Floats,
+        prescribed: float | None,
+    ) -> tuple[int, int]:
         """Fly until something needs the caller: (code, steps recorded)."""
         digest  # noqa: B018 - part of the cache key
         numbers, count = state.numbers, len(nodes.c)
@@ -898,7 +953,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
 fly = compiled(_make_fly, allocates=False)
 
 
-def each_force(effects, s, out, row, column):
+def each_force(effects: tuple[Any, ...], s: Situation, out: Floats, row: int, column: int) -> None:
     """The force of every effect into out[row, column:], three numbers each."""
     for effect in effects:
         out[row, column], out[row, column + 1], out[row, column + 2] = force(effect, s)
@@ -906,19 +961,19 @@ def each_force(effects, s, out, row, column):
 
 
 @overloads(each_force)
-def _each_force(effects, s, out, row, column):
-    if len(effects) == 0:
-        return lambda effects, s, out, row, column: None
+def _each_force(effects: Any, s: Any, out: Any, row: Any, column: Any) -> Callable[..., None]:
+    def none(effects: Any, s: Any, out: Any, row: Any, column: Any) -> None:
+        pass
 
-    def each(effects, s, out, row, column):
+    def each(effects: Any, s: Any, out: Any, row: Any, column: Any) -> None:
         out[row, column], out[row, column + 1], out[row, column + 2] = force(effects[0], s)
         each_force(effects[1:], s, out, row, column + 3)
 
-    return each
+    return each if len(effects) else none
 
 
 def _make_budget(digest: str) -> Callable[..., Any]:
-    def budget(model, situations, out):
+    def budget(model: Model, situations: Floats, out: Floats) -> None:
         """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
         digest  # noqa: B018 - part of the cache key
         for i in range(len(situations)):

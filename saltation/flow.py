@@ -27,7 +27,7 @@ class Still(NamedTuple):
 
     nothing: float
 
-    def both(self, z):
+    def both(self, z: float) -> tuple[float, float]:
         """(0, 0)."""
         return 0.0, 0.0
 
@@ -122,7 +122,7 @@ class Tabulated(NamedTuple):
     slope: float  # below the table: shear at the bed
     cells: int  # address of (cell, power): velocity in x from −1 to 1 across the cell
 
-    def both(self, z):
+    def both(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""
         if z <= self.floor:
             return 0.0, 0.0

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 GRAVITY = 9.81  # m/s²
+Triple = tuple[float, float, float]  # x, y, z
 
 
 def critical_shields(particle_reynolds: float) -> float:

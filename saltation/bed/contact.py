@@ -14,10 +14,15 @@ from __future__ import annotations
 import math
 
 from basset._compile import shared
+from saltation.grain import Triple
+
+Struck = tuple[float, float, float, float, float, float, float, float, float]  # velocity and spin after, impulse
 
 
 @shared
-def impulse(nx, ny, nz, vx, vy, vz, restitution, friction, mass, tangential_mass):
+def impulse(
+    nx: float, ny: float, nz: float, vx: float, vy: float, vz: float, restitution: float, friction: float, mass: float, tangential_mass: float
+) -> Triple:
     """Impulse J on the grain (x, y, z), zero where the surfaces separate.
 
     Parameters
@@ -44,13 +49,15 @@ def impulse(nx, ny, nz, vx, vy, vz, restitution, friction, mass, tangential_mass
 
 
 @shared
-def cross(ax, ay, az, bx, by, bz):
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Triple:
     """Vector product a × b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @shared
-def strike_bed(nx, ny, nz, ux, uy, uz, ox, oy, oz, restitution, friction, added):
+def strike_bed(
+    nx: float, ny: float, nz: float, ux: float, uy: float, uz: float, ox: float, oy: float, oz: float, restitution: float, friction: float, added: float
+) -> Struck:
     """A grain against the bed: velocity and spin after, and the impulse on the grain, nine numbers.
 
     Parameters
@@ -70,7 +77,19 @@ def strike_bed(nx, ny, nz, ux, uy, uz, ox, oy, oz, restitution, friction, added)
 
 
 @shared
-def strike_pair(nx, ny, nz, first, second, spin_first, spin_second, radii, masses, restitution, friction):
+def strike_pair(
+    nx: float,
+    ny: float,
+    nz: float,
+    first: Triple,
+    second: Triple,
+    spin_first: Triple,
+    spin_second: Triple,
+    radii: tuple[float, float],
+    masses: tuple[float, float],
+    restitution: float,
+    friction: float,
+) -> tuple[Triple, Triple, Triple, Triple, Triple]:
     """Two grains in contact: velocities and spins after, and the impulse on the first, five triples.
 
     Parameters

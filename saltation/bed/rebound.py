@@ -11,7 +11,8 @@ import math
 from typing import NamedTuple
 
 from basset._compile import method
-from saltation.bed.contact import strike_bed
+from saltation.bed.contact import Struck, strike_bed
+from saltation.grain import Triple
 
 
 class Restitution(NamedTuple):
@@ -24,7 +25,7 @@ class Restitution(NamedTuple):
     damping: float
     stokes: float
 
-    def at(self, speed):
+    def at(self, speed: float) -> float:
         """Restitution e at the normal impact speed (V), 0 where nothing closes."""
         if not self.damping > 0.0:
             return self.dry
@@ -42,7 +43,7 @@ class Tsuji(NamedTuple):
     friction: float
     added: float
 
-    def strike(self, n, u, o):
+    def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
         e = restitution_at(self.restitution, -(u[0] * n[0] + u[1] * n[1] + u[2] * n[2]))
         return strike_bed(n[0], n[1], n[2], u[0], u[1], u[2], o[0], o[1], o[2], e, self.friction, self.added)
@@ -54,7 +55,7 @@ class GarciaNino(NamedTuple):
     restitution: Restitution
     retention: float
 
-    def strike(self, n, u, o):
+    def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
         normal = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
         gain, loss = -(1.0 + restitution_at(self.restitution, -normal)) * normal, 1.0 - self.retention
@@ -70,7 +71,7 @@ class SlidingOnly(NamedTuple):
     restitution: Restitution
     friction: float
 
-    def strike(self, n, u, o):
+    def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
         normal = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
         e = restitution_at(self.restitution, -normal)
@@ -91,7 +92,7 @@ class TsujiPrinted(NamedTuple):
     restitution: Restitution
     friction: float
 
-    def strike(self, n, u, o):
+    def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
         # axes of the plane: one along the stream, one across, both tangential
         length = math.sqrt(n[0] * n[0] + n[2] * n[2])

@@ -16,6 +16,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from basset._compile import shared
+from saltation._random import Draws
+from saltation.grain import Triple
 
 STEEPEST = math.radians(30.0)
 TILT = math.radians(4.0)
@@ -24,13 +26,13 @@ CLIP, REJECT, LITERAL, SPHERES = range(4)
 
 
 @shared
-def offset(angle, incidence):
+def offset(angle: float, incidence: float) -> float:
     """2r/d of the contact at `angle` for an incidence angle, thesis (3-5)."""
     return math.cos(angle) - math.tan(incidence) * math.sin(angle)
 
 
 @shared
-def touching(share, incidence, reading, least):
+def touching(share: float, incidence: float, reading: int, least: float) -> tuple[float, float]:
     """(angle, whether clipped) from a uniform share of the offsets; `least` is the smallest 2r/d of the draw."""
     if math.cos(incidence) < 1e-12:
         return 0.0, 0.0
@@ -49,7 +51,7 @@ def touching(share, incidence, reading, least):
 
 
 @shared
-def bounded(share, incidence, reading, least):
+def bounded(share: float, incidence: float, reading: int, least: float) -> tuple[float, float]:
     """As `touching` with the range bounded by 30° (R6, R8): the upstream face, or as printed (steeper than 30° always)."""
     steep = min(1.0, max(least, offset(STEEPEST, incidence)))
     if reading == LITERAL:
@@ -58,19 +60,19 @@ def bounded(share, incidence, reading, least):
 
 
 @shared
-def angle_of(twice, incidence):
+def angle_of(twice: float, incidence: float) -> float:
     """The angle of the contact at 2r/d = `twice`."""
     return math.acos(min(1.0, twice * math.cos(incidence))) - incidence
 
 
 @shared
-def sided(angle, share, reading):
+def sided(angle: float, share: float, reading: int) -> float:
     """The angle across with the sign of r₂; of touching spheres both sides are drawn already."""
     return angle if share < 0.5 or reading == SPHERES else -angle
 
 
 @shared
-def truncated_normal(share, width, deviation):
+def truncated_normal(share: float, width: float, deviation: float) -> float:
     """The normal deviate within ±width that a uniform share stands for, by Newton's method on the distribution."""
     root = deviation * math.sqrt(2.0)
     whole = math.erf(width / root)
@@ -99,7 +101,7 @@ class Roughness(NamedTuple):
 
 
 @shared
-def drawn(how, share, incidence, reading, least):
+def drawn(how: int, share: float, incidence: float, reading: int, least: float) -> tuple[float, float]:
     """(angle, whether clipped) of one plane; uniform angles from 0 to 30°."""
     if how == LEVEL:
         return 0.0, 0.0
@@ -115,7 +117,7 @@ def drawn(how, share, incidence, reading, least):
 
 
 @shared
-def angles(roughness, incidence, across, draws):
+def angles(roughness: Roughness, incidence: float, across: float, draws: Draws) -> Triple:
     """(θ_b, α_b, whether θ_b was clipped) for incidence angles in and across the plane of motion and uniform draws."""
     theta, clipped = drawn(roughness.along, draws[0], incidence, roughness.reading, roughness.least)
     if roughness.side == UNIFORM:
@@ -142,7 +144,7 @@ ROUGHNESS: dict[str, Any] = {
 
 
 @shared
-def facing(roughness, ux, uy, uz, draws):
+def facing(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
     """The contact plane a grain of velocity (ux, uy, uz) meets: normal into the water, centre height, θ_b, whether clipped."""
     incidence = math.atan2(max(0.0, -uz), abs(ux))
     across = math.atan2(max(0.0, -uz), abs(uy)) if uy != 0.0 else 0.5 * math.pi

@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 from pydantic import Field
 
 from saltation._tables import Table
-from saltation.effects.base import Setting
+from saltation.effects.base import Setting, Situation
+from saltation.grain import Triple
 
 NAME = "added_mass"
 SOURCE = "thesis (3-1); Auton, Hunt & Prud'homme (1988), J. Fluid Mech. 197, 241"
@@ -30,7 +31,7 @@ class Remainder(NamedTuple):
 
     coefficient: float
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """Along the stream."""
         return self.coefficient * s.slip_z * s.shear, 0.0, 0.0
 

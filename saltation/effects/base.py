@@ -8,10 +8,11 @@ works through the scene's numbers alone. `warnings(options, numbers)` is optiona
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from basset._compile import method, overloads
-from saltation.grain import Numbers
+from saltation.grain import Numbers, Triple
 
 
 class Situation(NamedTuple):
@@ -40,7 +41,7 @@ class NoTorque(NamedTuple):
 
     nothing: float
 
-    def torque(self, s):
+    def torque(self, s: Situation) -> Triple:
         """Zero."""
         return 0.0, 0.0, 0.0
 
@@ -49,7 +50,7 @@ force = method("force", 1)
 torque = method("torque", 1)
 
 
-def total_force(effects, s):
+def total_force(effects: tuple[Any, ...], s: Situation) -> Triple:
     """Sum of the forces of a tuple of effects: (x, y, z)."""
     x, y, z = 0.0, 0.0, 0.0
     for effect in reversed(effects):  # the order of the compiled form: the same bits
@@ -59,13 +60,13 @@ def total_force(effects, s):
 
 
 @overloads(total_force)
-def _total_force(effects, s):
-    if len(effects) == 0:
-        return lambda effects, s: (0.0, 0.0, 0.0)
+def _total_force(effects: Any, s: Any) -> Callable[..., Triple]:
+    def none(effects: Any, s: Any) -> Triple:
+        return 0.0, 0.0, 0.0
 
-    def total(effects, s):
+    def total(effects: Any, s: Any) -> Triple:
         x, y, z = force(effects[0], s)
         a, b, c = total_force(effects[1:], s)
         return x + a, y + b, z + c
 
-    return total
+    return total if len(effects) else none

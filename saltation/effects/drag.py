@@ -9,8 +9,8 @@ from pydantic import Field
 
 from basset._compile import method
 from saltation._tables import Table
-from saltation.effects.base import Setting
-from saltation.grain import Numbers
+from saltation.effects.base import Setting, Situation
+from saltation.grain import Numbers, Triple
 
 NAME = "drag"
 SOURCE = "thesis (3-1); laws as named"
@@ -22,7 +22,7 @@ class Stokes(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
         return 1.0
 
@@ -32,7 +32,7 @@ class Yen(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
         root = math.sqrt(reynolds)
         return 1.0 + 0.15 * root + 0.017 * reynolds - 0.208 / 24.0 * reynolds * root / (root + 1.0e4)
@@ -43,9 +43,10 @@ class SchillerNaumann(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
-        return max(1.0 + 0.15 * reynolds**0.687, 0.44 / 24.0 * reynolds)
+        value: float = max(1.0 + 0.15 * reynolds**0.687, 0.44 / 24.0 * reynolds)
+        return value
 
 
 class Rubey(NamedTuple):
@@ -53,7 +54,7 @@ class Rubey(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
         return 1.0 + reynolds / 12.0
 
@@ -63,7 +64,7 @@ class EngelundHansen(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
         return 1.0 + reynolds / 16.0
 
@@ -73,9 +74,10 @@ class TurtonLevenspiel(NamedTuple):
 
     largest: float
 
-    def factor(self, reynolds):
+    def factor(self, reynolds: float) -> float:
         """φ."""
-        return 1.0 + 0.173 * reynolds**0.657 + 0.413 / 24.0 * reynolds**2.09 / (reynolds**1.09 + 16300.0)
+        value: float = 1.0 + 0.173 * reynolds**0.657 + 0.413 / 24.0 * reynolds**2.09 / (reynolds**1.09 + 16300.0)
+        return value
 
 
 LAWS: dict[str, Any] = {  # with the largest Re for which each was made
@@ -102,7 +104,7 @@ class Drag(NamedTuple):
     rate: float
     reynolds: float
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """Against the slip."""
         speed = math.sqrt(s.slip_x * s.slip_x + s.slip_y * s.slip_y + s.slip_z * s.slip_z)
         strength = -self.rate * factor(self.law, speed * self.reynolds)

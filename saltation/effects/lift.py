@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from pydantic import Field
 
 from saltation._tables import Table
-from saltation.effects.base import Setting
+from saltation.effects.base import Setting, Situation
 from saltation.flow import both
+from saltation.grain import Triple
 
 NAME = "lift"
 SOURCE = "Wiberg & Smith (1985), J. Geophys. Res. 90, 7341; thesis (3-2)"
@@ -27,7 +28,7 @@ class Lift(NamedTuple):
     strength: float
     profile: Any
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """Normal to the bed."""
         top = both(self.profile, s.z + 0.5)[0]
         bottom = both(self.profile, s.z - 0.5)[0]

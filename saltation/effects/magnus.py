@@ -7,7 +7,8 @@ from typing import Literal, NamedTuple
 from pydantic import Field
 
 from saltation._tables import Table
-from saltation.effects.base import Setting
+from saltation.effects.base import Setting, Situation
+from saltation.grain import Triple
 
 NAME = "magnus"
 SOURCE = "Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2)"
@@ -25,7 +26,7 @@ class Vertical(NamedTuple):
 
     strength: float
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """Normal to the bed."""
         return 0.0, 0.0, -self.strength * s.slip_x * (s.spin_y - 0.5 * s.shear)
 
@@ -35,7 +36,7 @@ class Vector(NamedTuple):
 
     strength: float
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """All three components."""
         spin_y = s.spin_y - 0.5 * s.shear
         x = spin_y * s.slip_z - s.spin_z * s.slip_y

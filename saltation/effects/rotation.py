@@ -13,8 +13,8 @@ from pydantic import Field
 
 from basset._compile import shared
 from saltation._tables import Table
-from saltation.effects.base import Setting
-from saltation.grain import Numbers
+from saltation.effects.base import Setting, Situation
+from saltation.grain import Numbers, Triple
 
 NAME = "rotation"
 SOURCE = "Yamamoto et al. (2001), J. Fluid Mech. 442, 303; Niño & García (1994) for the prescribed spin, thesis (3-6)"
@@ -29,7 +29,7 @@ class Options(Table):
 
 
 @shared
-def friction_of(number):
+def friction_of(number: float) -> float:
     """C1 √Re_r + C2 + C3 Re_r², the table's pieces blended.
 
     The pieces meet with jumps of up to 0.8 %, which no integrator of high order passes cheaply: within a quarter of each
@@ -44,7 +44,7 @@ def friction_of(number):
 
 
 @shared
-def joined(below, above, place):
+def joined(below: float, above: float, place: float) -> float:
     """`below` for place < 0.75, `above` for place > 1.25, with continuous first and second derivatives between."""
     if place <= 0.75:
         return below
@@ -60,7 +60,7 @@ class Yamamoto(NamedTuple):
     rate: float  # (15/16π)(4/Re*), over ρ_s/ρ
     quarter: float  # Re*/4
 
-    def torque(self, s):
+    def torque(self, s: Situation) -> Triple:
         """Rate of spin (x, y, z)."""
         x, y, z = s.spin_x, s.spin_y - 0.5 * s.shear, s.spin_z
         number = self.quarter * math.sqrt(x * x + y * y + z * z)

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from saltation._tables import Table
-from saltation.effects.base import Setting
+from saltation.effects.base import Setting, Situation
+from saltation.grain import Triple
 
 NAME = "weight"
 SOURCE = "thesis (3-1), (3-2)"
@@ -23,7 +24,7 @@ class Weight(NamedTuple):
     along: float
     normal: float
 
-    def force(self, s):
+    def force(self, s: Situation) -> Triple:
         """(along, 0, −normal)."""
         return self.along, 0.0, -self.normal
 
