@@ -26,6 +26,8 @@ from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
 from basset.streaming import LONGEST
 
+__all__ = ["Advice", "Candidate", "Machine", "advise", "calibrated"]
+
 USES = ("stream", "path")
 MARGINS = {"model": 3.0, "samples": 2.0}  # on predicted errors: no signal is the model, no stretch the whole path
 TAIL_SHARE = 0.2  # of the error allowed, for what a sum of exponentials loses
@@ -46,16 +48,21 @@ class Machine:
 
     Attributes
     ----------
-    call, path : float
+    call, path : float, seconds
         A short call: of a stream, of a path by FFT.
-    step, column, node, term : float
+    step, column, node, term : float, seconds
         A stream: per step; per step and column; of these per remembered node and per exponential.
-    stall : float
+    stall : float, seconds
         A stream, per step and column, where a window's nodes fill whole vectors: the newest one is read before it is written.
-    whole : float
+    whole : float, seconds
         A stream, per step and column, while the whole history is kept.
-    transform, spill : float
+    transform, spill : float, seconds
         A path by FFT, per step and column: times log2 of the steps; on top, where it does not fit into a fast cache.
+
+    Examples
+    --------
+    >>> Machine(*[1e-9] * 10).node
+    1e-09
     """
 
     call: float
@@ -79,7 +86,7 @@ class Candidate:
     rule : Rule
     dt : float, seconds
     steps : int
-    error : float
+    error : float, dimensionless
         Predicted error as asked for, margin included.
     seconds : float
         Predicted time of all steps and particles; the scheme's set-up (milliseconds, then kept) is not in it.
@@ -87,6 +94,16 @@ class Candidate:
         Memory that it needs for all particles, beside the samples and H.
     meets : bool
         Whether error and bytes keep what was asked for.
+
+    Examples
+    --------
+    >>> candidate = Candidate(Exponential(3, 1e-6), 0.1, 100, 1e-4, 1e-3, 10_000, True)
+    >>> candidate.code
+    'basset.Exponential(order=3, rtol=1e-06)'
+    >>> print(candidate.toml)
+    scheme = "exponential"
+    order = 3
+    rtol = 1e-06
     """
 
     rule: Rule
@@ -134,10 +151,16 @@ class Advice:
     Attributes
     ----------
     candidates : tuple of Candidate
-    error : float
+    error : float, dimensionless
         What was asked for.
     time_scale : float, seconds
         As given, or as found in the samples.
+
+    Examples
+    --------
+    >>> poor, good = (Candidate(Daitche(p), 0.1, 100, error, 1e-3, 10_000, error < 1e-4) for p, error in ((1, 1e-3), (3, 1e-5)))
+    >>> Advice((good, poor), 1e-4, 1.0).best is good
+    True
     """
 
     candidates: tuple[Candidate, ...]
@@ -187,7 +210,7 @@ def advise(
 
     Parameters
     ----------
-    error : float
+    error : float, dimensionless
         The largest error that is allowed on the path, relative to the largest |H|, from one time scale after its start on (no
         scheme can know more of the first steps than the first samples tell).
     time_scale : float, seconds, optional
@@ -222,6 +245,14 @@ def advise(
     ValueError, TypeError
         For what is out of range, where neither or both of time_scale and samples, or of steps and duration, are given, and
         where the samples do not resolve the rate.
+
+    Notes
+    -----
+    The predicted error of a step that was not tried goes by the scheme's declared order.
+
+    References
+    ----------
+    The schemes' own `references`; the choice: this library.
 
     Examples
     --------
@@ -481,7 +512,17 @@ def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int
 
 
 def calibrated() -> Machine:
-    """The constants of this machine: from the user's cache if they are there, else measured in a second and kept."""
+    """The constants of this machine: from the user's cache if they are there, else measured in a second and kept.
+
+    Returns
+    -------
+    Machine
+
+    Examples
+    --------
+    >>> calibrated() is calibrated() and calibrated().call > 0.0
+    True
+    """
     place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basset" / "machine.json"
     return _calibrated(place)
 

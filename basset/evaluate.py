@@ -25,8 +25,8 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     Parameters
     ----------
     g : array_like (n+1, ...)
-        Samples at t_0, t_0 + dt, …: the rate g = df/dt, or the slip f itself. Any real dtype and layout; computed in
-        float64, never modified. n ≥ 1.
+        Samples at t_0, t_0 + dt, …: the rate g = df/dt (unit of f per second), or the slip f itself. Any real dtype and layout;
+        computed in float64, never modified. n ≥ 1.
     dt : float, seconds
         Step size.
     rule : Rule or str
@@ -48,6 +48,11 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     ValueError, TypeError
         One sentence that names the argument: fewer than two samples, NaN or infinity among the samples that are read,
         dt not positive, a window shorter than a step, an initial slip of the wrong shape, an unknown scheme.
+
+    References
+    ----------
+    Basset (1888), A Treatise on Hydrodynamics, vol. 2; the initial slip and the form for slips: thesis eq. 5-8. The sum that
+    stands for the integral: `rule.references`.
 
     Examples
     --------
@@ -94,8 +99,23 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
 def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Floats:
     """History integral at every node, in O(n log n): row k is `integrate(g[:k+1], …)`.
 
-    Parameters are those of `integrate`; one sample is enough. The convolution is done by FFT without wrap-around, the
-    start-up rows and the oldest samples exactly; its rounding error is a few 1e-16 of the largest |H| of the path.
+    The convolution is done by FFT without wrap-around, the start-up rows and the oldest samples exactly; its rounding error is
+    a few 1e-16 of the largest |H| of the path.
+
+    Parameters
+    ----------
+    g : array_like (n+1, ...)
+        As for `integrate` (unit of f per second, or of f); one sample is enough.
+    dt : float, seconds
+        Step size.
+    rule : Rule or str
+        How to integrate.
+    kernel : Kernel
+        What is remembered.
+    initial_slip : array_like, scalar or (...)
+        f(t_0), in the unit of f.
+    input : {"rate", "slip"}
+        What the samples are.
 
     Returns
     -------
@@ -106,6 +126,10 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     ------
     ValueError, TypeError
         As `integrate`.
+
+    References
+    ----------
+    As `integrate`: Basset (1888), A Treatise on Hydrodynamics, vol. 2; thesis eq. 5-8.
 
     Examples
     --------

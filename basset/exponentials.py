@@ -38,14 +38,30 @@ class ExponentialSum:
         The lags for which the sum was made; far is infinite for published sets.
     kernel : Kernel
         What the sum stands for.
-    rtol : float or None
+    rtol : float, dimensionless, or None
         The promised relative error on [near, far]; None for published sets, which promise none.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If weights and rates are not positive and of one length, the range does not rise, or the kernel is none.
+
+    Notes
+    -----
+    A published set is used as printed; a fitted one is a minimax sum from a table.
+
+    References
+    ----------
+    van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465; Casas, Ferrer & Oñate (2018), J. Comput.
+    Phys. 353, 50; Braess & Hackbusch (2005), IMA J. Numer. Anal. 25, 685.
 
     Examples
     --------
     >>> s = ExponentialSum.fit(1e-3, 1.0, 1e-6)
     >>> len(s), bool(s.max_relative_error() <= 1e-6)
     (13, True)
+    >>> bool(abs(s(0.25) / 2.0 - 1.0) <= 1e-6)
+    True
     """
 
     weights: Floats
@@ -98,7 +114,22 @@ class ExponentialSum:
         return f"ExponentialSum({len(self)} terms on [{self.near:g}, {self.far:g}] s of {self.kernel!r}{promise})"
 
     def __call__(self, s: ArrayLike) -> Any:
-        """The sum at lags `s` (seconds, 0 or greater), elementwise; float64 in the shape of `s`. Errors as `Kernel.__call__`."""
+        """The sum, elementwise.
+
+        Parameters
+        ----------
+        s : array_like (...), seconds
+            Lags, 0 or greater.
+
+        Returns
+        -------
+        ndarray of float64 (...), s^(-1/2); a float for a scalar
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Kernel.__call__`.
+        """
         lags = checked_lags(s)
         result = self._values(lags)
         return result if lags.ndim else float(result)
@@ -114,9 +145,18 @@ class ExponentialSum:
 
         Measured on 4000 log-spaced lags (more for long sums), then around every extremum of the error and at both ends.
 
+        Parameters
+        ----------
+        near, far : float, seconds, or None
+            The range; None: the sum's own.
+
+        Returns
+        -------
+        float, dimensionless
+
         Raises
         ------
-        ValueError
+        ValueError, TypeError
             If the range is empty, negative or infinite.
         """
         near = _validate.positive("near", self.near if near is None else near, "seconds")
@@ -144,7 +184,7 @@ class ExponentialSum:
         ----------
         near, far : float, seconds
             0 < near < far, far/near ≤ 1e12.
-        rtol : float
+        rtol : float, dimensionless
             1e-14 to below 1. Tabulated in quarter decades, so at most one term more than the least possible.
         kernel : Kernel
             The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5.
@@ -155,10 +195,12 @@ class ExponentialSum:
 
         Raises
         ------
-        ValueError
-            If no tabulated sum keeps the promise; the message says which accuracy can be had.
+        ValueError, TypeError
+            If no tabulated sum keeps the promise (the message says which accuracy can be had), or a parameter is of the wrong kind.
 
-        References: Braess & Hackbusch (2005), IMA J. Numer. Anal. 25, 685 (existence, uniqueness and decay of the error).
+        References
+        ----------
+        Braess & Hackbusch (2005), IMA J. Numer. Anal. 25, 685 (existence, uniqueness and decay of the error).
         """
         near, far = _validate.positive("near", near, "seconds"), _validate.positive("far", far, "seconds")
         rtol = _validate.positive("rtol", rtol)
@@ -189,7 +231,32 @@ class ExponentialSum:
 
     @classmethod
     def van_hinsberg(cls, window: float) -> ExponentialSum:
-        """The ten terms of van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465, for lags beyond `window` seconds."""
+        """The ten published terms for lags beyond a window; good to two or three digits.
+
+        Parameters
+        ----------
+        window : float, seconds
+            Greater than 0.
+
+        Returns
+        -------
+        ExponentialSum
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the window is not positive.
+
+        References
+        ----------
+        van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465; thesis eqs. 5-13 to 5-17.
+
+        Examples
+        --------
+        >>> published = ExponentialSum.van_hinsberg(0.5)
+        >>> len(published), bool(abs(published(1.0) - 1.0) < 0.02)
+        (10, True)
+        """
         return cls._published("van_hinsberg_2011", 10, window)
 
     @classmethod
@@ -204,10 +271,23 @@ class ExponentialSum:
         norm : {"I2t", "I1"}
             The norm in which the set was fitted.
 
+        Returns
+        -------
+        ExponentialSum
+
         Raises
         ------
         ValueError, TypeError
             If a parameter is out of range.
+
+        References
+        ----------
+        Casas, Ferrer & Oñate (2018), J. Comput. Phys. 353, 50.
+
+        Examples
+        --------
+        >>> len(ExponentialSum.casas(0.5, 4))
+        4
         """
         terms = _validate.integer("terms", terms, 1, 10)
         return cls._published(f"casas_2018_{_validate.choice('norm', norm, ('I2t', 'I1'))}", terms, window)

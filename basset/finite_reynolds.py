@@ -32,6 +32,8 @@ from basset.quadrature.exponential import Exponential
 from basset.quadrature.product import Daitche, lagrange
 from basset.quadrature.windowed import Windowed
 
+__all__ = ["VaryingPlan", "VaryingSlipKernel", "VaryingState"]
+
 
 @dataclass(frozen=True)
 class VaryingSlipKernel:
@@ -46,13 +48,24 @@ class VaryingSlipKernel:
         nearer end and counted (`plan.outside`).
     slip_at : {"t", "tau"}
         Whether the kernel is that of the slip now or of the slip when the rate acted. The inner clock takes "t" only.
-    c1, c2 : float
+    c1, c2 : float, dimensionless
         As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
 
     Raises
     ------
     ValueError, TypeError
         If a parameter is out of range.
+
+    References
+    ----------
+    Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833. The inner clock: this
+    library.
+
+    Examples
+    --------
+    >>> kernel = VaryingSlipKernel(diameter=1e-3, viscosity=1e-6, slip_range=(1e-3, 1.0))
+    >>> bool(np.isclose(kernel.steepness(np.array([0.1]))[0], kernel.at(0.1).steepness))
+    True
     """
 
     diameter: float
@@ -76,11 +89,29 @@ class VaryingSlipKernel:
             self.at(slip)
 
     def at(self, slip: float) -> MeiAdrianKernel:
-        """The kernel of one slip (m/s)."""
+        """The kernel of one slip.
+
+        Parameters
+        ----------
+        slip : float, m/s
+
+        Returns
+        -------
+        MeiAdrianKernel
+        """
         return MeiAdrianKernel(slip, self.diameter, self.viscosity, self.c1, self.c2)
 
     def steepness(self, slip: Floats) -> Floats:
-        """C(U) in s^(-3/2), elementwise, as MeiAdrianKernel.steepness."""
+        """C(U), elementwise, as MeiAdrianKernel.steepness.
+
+        Parameters
+        ----------
+        slip : ndarray (...), m/s
+
+        Returns
+        -------
+        ndarray (...), s^(-3/2)
+        """
         friction = 0.75 + self.c2 * slip * self.diameter / self.viscosity
         return np.asarray(0.5 * math.sqrt(math.pi) * (slip / friction / math.sqrt(self.viscosity)) ** 3)
 
@@ -90,18 +121,25 @@ class VaryingState(NamedTuple):
 
     Attributes
     ----------
-    samples, impulses : ndarray (components, lags)
-        Newest rates and jumps of f at nodes.
-    memory : ndarray (components, …)
+    samples, impulses : ndarray (components, lags), unit of f per second
+        Newest rates and jumps of f (over dt) at nodes.
+    memory : ndarray (components, …), in units of H
         Exponentials (inner clock), or what earlier samples will still add (slip at τ).
-    clocks : ndarray (components, …)
+    clocks : ndarray (components, …), dimensionless
         Newest intervals of the inner clock.
     steepness : ndarray (components,)
-        C at the newest node, in steps.
-    history : ndarray, shape of one sample
+        C at the newest node, in units of dt^(-3/2).
+    history : ndarray, shape of one sample, in units of H
         H at the newest node.
-    counters : ndarray (2,)
+    counters : ndarray (2,), dimensionless
         Nodes so far; slips outside the kernel's range.
+
+    Examples
+    --------
+    >>> import basset
+    >>> plan = basset.Daitche(1).plan(0.1, 1.0, VaryingSlipKernel(1e-3, 1e-6, (1e-3, 1.0)))
+    >>> plan.start((4, 3)).history.shape
+    (4, 3)
     """
 
     samples: Floats
@@ -118,6 +156,39 @@ class VaryingPlan:
 
     `slip` is the magnitude of the slip velocity in m/s: a number, one per grain (shape of a sample without its last axis),
     or the shape of a sample. Jumps are at nodes; a jump of the rate (`g`) is averaged there (first order).
+
+    Parameters
+    ----------
+    rule : Rule
+        Daitche, Windowed without tail, or Exponential.
+    dt : float, seconds
+        Step size.
+    horizon : float, seconds
+        The longest time that will be remembered.
+    kernel : VaryingSlipKernel
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Rule.plan`, or if the rule has no form for such a kernel.
+
+    Examples
+    --------
+    >>> import basset
+    >>> kernel = VaryingSlipKernel(1e-3, 1e-6, (1e-3, 1.0))
+    >>> plan = basset.Daitche(1).plan(0.1, 1.0, kernel)
+    >>> state = plan.start()
+    >>> H = plan.run(state, [1.0, 1.0, 1.0], slip=[0.01, 0.01, 0.01])  # a steady slip: as with its own kernel
+    >>> bool(np.isclose(H[-1], basset.integrate(np.ones(3), 0.1, basset.Daitche(1), kernel=kernel.at(0.01))))
+    True
+    >>> ahead = plan.tail(state, slip=0.01) + plan.local(state, slip=0.01) * 1.0
+    >>> plan.push(state, 1.0, slip=0.01)
+    >>> bool(np.isclose(plan.value(state), ahead)), plan.outside(state)
+    (True, 0)
+    >>> plan.jump(state, 2.0)
+    >>> bool(np.isclose(plan.tail(state, slip=0.01) + plan.local(state, slip=0.01), 2.0 * kernel.at(0.01)(0.1) + basset.integrate(
+    ...     np.ones(5), 0.1, basset.Daitche(1), kernel=kernel.at(0.01))))
+    True
     """
 
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
@@ -134,14 +205,42 @@ class VaryingPlan:
         raise NotImplementedError
 
     def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
-        """An empty state for samples of that shape."""
+        """An empty state for samples of that shape.
+
+        Parameters
+        ----------
+        shape : tuple of int or int
+            Shape of one sample.
+
+        Returns
+        -------
+        VaryingState
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the shape is not made of whole numbers of 0 or more.
+        """
         shape = shape if isinstance(shape, tuple) else (shape,)
         n = math.prod(_validate.integer("shape", size, 0) for size in shape)
         lags, memory, clocks = self._widths()
         return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros((n, clocks)), np.zeros(n), np.zeros(shape), np.zeros(2))
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
-        """Accept a block of rates (steps, *shape) with the slips (steps, …) at the same nodes; H at each, same shape.
+        """Accept a block of rates with the slips at the same nodes, in place; H at each.
+
+        Parameters
+        ----------
+        state : VaryingState
+            Changed in place.
+        G : array_like (steps, *shape), unit of f per second
+            Rates df/dt at the next nodes.
+        slip : array_like (steps,), (steps, *shape[:-1]) or (steps, *shape), m/s
+            0 or greater.
+
+        Returns
+        -------
+        ndarray of float64 (steps, *shape), unit of f × s^(-1/2)
 
         Raises
         ------
@@ -182,23 +281,77 @@ class VaryingPlan:
         return history
 
     def push(self, state: VaryingState, g: ArrayLike, slip: ArrayLike) -> None:
-        """Accept the next rate and the slip there, in place; errors as `run`."""
+        """Accept the next rate and the slip there, in place.
+
+        Parameters
+        ----------
+        state : VaryingState
+            Changed in place.
+        g : array_like, shape of one sample, unit of f per second
+        slip : array_like, number or shape as in `run` without its first axis, m/s
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `run`.
+        """
         from basset.evaluate import _converted
 
         self.run(state, _converted("g", g)[None], _converted("slip", slip)[None])
 
     def value(self, state: VaryingState, slip: ArrayLike | None = None) -> Any:
-        """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push."""
+        """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push.
+
+        Parameters
+        ----------
+        state : VaryingState
+        slip : array_like, any shape, m/s, or None
+            Not needed.
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+        """
         return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: VaryingState, slip: ArrayLike) -> Any:
-        """H at the next node for a next rate of zero and that slip; the state is not changed."""
+        """H at the next node for a next rate of zero and that slip; the state is not changed.
+
+        Parameters
+        ----------
+        state : VaryingState
+        slip : array_like, number or shape as in `push`, m/s
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `run`.
+        """
         probe = VaryingState(*(array.copy() for array in state))
         self.push(probe, np.zeros(state.history.shape), slip)
         return self.value(probe)
 
     def local(self, state: VaryingState, slip: ArrayLike) -> Any:
-        """The factor of the next rate in H at the next node, for that slip: H = tail + local·g, shape of one sample."""
+        """The factor of the next rate in H at the next node, for that slip: H = tail + local·g, shape of one sample.
+
+        Parameters
+        ----------
+        state : VaryingState
+        slip : array_like, number or shape as in `push`, m/s
+
+        Returns
+        -------
+        float64, shape of one sample, s^(1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `run`.
+        """
         zero, one = (VaryingState(*(array.copy() for array in state)) for _ in range(2))
         self.push(zero, np.zeros(state.history.shape), slip)
         self.push(one, np.ones(state.history.shape), slip)
@@ -206,6 +359,17 @@ class VaryingPlan:
 
     def jump(self, state: VaryingState, delta: ArrayLike, age: float = 0.0, g: ArrayLike | None = None) -> None:
         """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`.
+
+        Parameters
+        ----------
+        state : VaryingState
+            Changed in place.
+        delta : array_like, number or shape of one sample, unit of f
+            f after minus f before.
+        age : float, seconds
+            0: jumps are at nodes here.
+        g : array_like, shape of one sample, or None; unit of f per second
+            The rate after the jump.
 
         Raises
         ------
@@ -239,7 +403,16 @@ class VaryingPlan:
         state.samples[:, 0] = rate
 
     def outside(self, state: VaryingState) -> int:
-        """How many slips so far lay outside the kernel's range."""
+        """How many slips so far lay outside the kernel's range.
+
+        Parameters
+        ----------
+        state : VaryingState
+
+        Returns
+        -------
+        int
+        """
         return int(state.counters[1])
 
 

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
 
+__all__ = ["BassetKernel", "Kernel", "MeiAdrianKernel"]
+
 Floats = NDArray[np.floating[Any]]
 
 
@@ -47,6 +49,20 @@ class Kernel(abc.ABC):
     """A memory kernel K(s), s > 0 in seconds; K(s) ~ s^(-1/2) as s → 0.
 
     Subclasses are frozen dataclasses: hashable, comparable, picklable. Their parameters are checked on creation.
+
+    Notes
+    -----
+    Every kernel here is homogeneous or self-similar in time: see `scaled`.
+
+    References
+    ----------
+    Basset (1888), A Treatise on Hydrodynamics, vol. 2; each kernel names its own.
+
+    Examples
+    --------
+    >>> from basset import BassetKernel, MeiAdrianKernel
+    >>> all(isinstance(kernel, Kernel) for kernel in (BassetKernel(), MeiAdrianKernel(0.01, 1e-3, 1e-6)))
+    True
     """
 
     references: ClassVar[tuple[str, ...]]
@@ -61,13 +77,45 @@ class Kernel(abc.ABC):
 
     @abc.abstractmethod
     def scaled(self, dt: float) -> Kernel:
-        """The kernel K' with K(s) = dt^(-1/2) K'(s/dt): the same memory with time counted in steps of `dt` seconds."""
+        """The kernel K' with K(s) = dt^(-1/2) K'(s/dt): the same memory with time counted in steps of `dt` seconds.
+
+        Parameters
+        ----------
+        dt : float, seconds
+            Greater than 0.
+
+        Returns
+        -------
+        Kernel
+
+        Examples
+        --------
+        >>> K = MeiAdrianKernel(0.01, 1e-3, 1e-6)
+        >>> abs(K(0.3) - K.scaled(0.1)(3.0) / math.sqrt(0.1)) < 1e-12
+        True
+        """
 
     @abc.abstractmethod
     def rule(self, near: float, far: float) -> tuple[Floats, Floats]:
         """Nodes x in [0, 1] and weights w with ∫_near^far K(s) q((s−near)/(far−near)) ds = Σ w q(x).
 
         To rounding for polynomials q up to degree 15, wherever `near` lies, 0 included.
+
+        Parameters
+        ----------
+        near, far : float, seconds
+            0 ≤ near < far.
+
+        Returns
+        -------
+        ndarray (points,), dimensionless; ndarray (points,), s^(1/2)
+            Nodes and weights.
+
+        Examples
+        --------
+        >>> x, w = BassetKernel().rule(0.0, 1.0)
+        >>> abs(w @ x**3 - 1.0 / 3.5) < 1e-14  # ∫ s^(-1/2) s³ ds
+        np.True_
         """
 
     def __call__(self, s: ArrayLike) -> Any:
@@ -75,7 +123,7 @@ class Kernel(abc.ABC):
 
         Parameters
         ----------
-        s : array_like, seconds
+        s : array_like (...), seconds
             Lags t − τ, 0 or greater; converted to float64.
 
         Returns
@@ -88,6 +136,11 @@ class Kernel(abc.ABC):
             If a lag is negative or NaN: there is no memory of the future.
         TypeError
             If `s` does not hold real numbers.
+
+        Examples
+        --------
+        >>> BassetKernel()(0.0), BassetKernel()(4.0)
+        (inf, 0.5)
         """
         lags = checked_lags(s)
         with np.errstate(divide="ignore", over="ignore"):
@@ -110,8 +163,13 @@ class Kernel(abc.ABC):
 
         Raises
         ------
-        ValueError
+        ValueError, TypeError
             If the interval is empty, reversed or negative, or the degree out of range.
+
+        Examples
+        --------
+        >>> BassetKernel().moments(0.0, 1.0, 1).round(12)  # ∫ s^(-1/2) ds and ∫ s^(1/2) ds
+        array([2.        , 0.66666667])
         """
         near, far = _validate.non_negative("near", near, "seconds"), _validate.positive("far", far, "seconds")
         if far <= near:
@@ -173,9 +231,9 @@ class MeiAdrianKernel(Kernel):
         d, greater than 0.
     viscosity : float, m²/s
         ν, the kinematic viscosity; greater than 0.
-    c1 : float
+    c1 : float, dimensionless
         2 (Mei & Adrian) or 2.5 (Dorgan & Loth); 0.5 or greater.
-    c2 : float
+    c2 : float, dimensionless
         0.105 (Mei & Adrian) or 0.2 (Dorgan & Loth); 0 or greater.
 
     Raises
@@ -185,8 +243,18 @@ class MeiAdrianKernel(Kernel):
     TypeError
         If a parameter is not a real number.
 
-    References: Mei & Adrian (1992), J. Fluid Mech. 237, 323 (thesis eqs. 5-3, 5-4); Dorgan & Loth (2007), Int. J.
+    References
+    ----------
+    Mei & Adrian (1992), J. Fluid Mech. 237, 323 (thesis eqs. 5-3, 5-4); Dorgan & Loth (2007), Int. J.
     Multiphase Flow 33, 833.
+
+    Examples
+    --------
+    >>> MeiAdrianKernel(0.0, 1e-3, 1e-6)(4.0)  # no slip: Basset's
+    0.5
+    >>> K = MeiAdrianKernel(0.01, 1e-3, 1e-6)
+    >>> round(K.reynolds, 12), 3.9 < K(1e4) / K(2e4) < 4.1  # s^(-2) at long lags
+    (10.0, True)
     """
 
     slip: float
@@ -217,12 +285,40 @@ class MeiAdrianKernel(Kernel):
 
     @classmethod
     def dorgan_loth(cls, slip: float, diameter: float, viscosity: float) -> MeiAdrianKernel:
-        """The kernel with the constants of Dorgan & Loth (2007): c1 = 2.5, c2 = 0.2."""
+        """The kernel with the constants of Dorgan & Loth (2007): c1 = 2.5, c2 = 0.2.
+
+        Parameters
+        ----------
+        slip : float, m/s
+            U, 0 or greater.
+        diameter : float, m
+            d, greater than 0.
+        viscosity : float, m²/s
+            ν, greater than 0.
+
+        Returns
+        -------
+        MeiAdrianKernel
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `MeiAdrianKernel`.
+
+        References
+        ----------
+        Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833.
+
+        Examples
+        --------
+        >>> MeiAdrianKernel.dorgan_loth(0.01, 1e-3, 1e-6).c1
+        2.5
+        """
         return cls(slip, diameter, viscosity, c1=2.5, c2=0.2)
 
     @property
     def reynolds(self) -> float:
-        """Re = U d/ν."""
+        """Re = U d/ν, dimensionless."""
         return self.slip * self.diameter / self.viscosity
 
     @property

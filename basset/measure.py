@@ -42,6 +42,12 @@ def interleaved(contenders: Mapping[Name, Callable[[], Any]], rounds: int = 7, s
     Returns
     -------
     dict of name to seconds per call; NaN for a contender that raises
+
+    Examples
+    --------
+    >>> times = interleaved({"quick": lambda: None, "broken": lambda: 1 / 0}, rounds=1, seconds=1e-4)
+    >>> times["quick"] > 0.0, times["broken"]
+    (True, nan)
     """
     calls: dict[Name, int] = {}
     best: dict[Name, float] = {}
@@ -74,12 +80,39 @@ def _timed(call: Callable[[], Any], count: int) -> float:
 
 
 def observed_orders(steps: ArrayLike, errors: ArrayLike) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Slopes d ln(error)/d ln(step) between neighbouring entries; one fewer than entries."""
+    """Slopes d ln(error)/d ln(step) between neighbouring entries; one fewer than entries.
+
+    Parameters
+    ----------
+    steps : array_like (k,)
+        Step sizes, in one unit.
+    errors : array_like (k,)
+        Errors, in one unit.
+
+    Returns
+    -------
+    ndarray (k−1,), dimensionless
+
+    Examples
+    --------
+    >>> observed_orders([0.1, 0.05], [1e-2, 2.5e-3]).round(12)
+    array([2.])
+    """
     return np.asarray(np.diff(np.log(np.asarray(errors, dtype=np.float64))) / np.diff(np.log(np.asarray(steps, dtype=np.float64))))
 
 
 def processor() -> str:
-    """The CPU's model name and the number of cores available."""
+    """The CPU's model name and the number of cores available.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> processor().endswith("cores")
+    True
+    """
     model = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
@@ -92,7 +125,25 @@ def processor() -> str:
 
 
 def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmath")) -> dict[str, str]:
-    """Who measured: command, date, processor, Python and package versions."""
+    """Who measured: command, date, processor, Python and package versions.
+
+    Parameters
+    ----------
+    command : str
+        What was run.
+    packages : iterable of str
+        Whose versions are to be named.
+
+    Returns
+    -------
+    dict
+        command, date (UTC, YYYY-MM-DD), processor, versions.
+
+    Examples
+    --------
+    >>> sorted(provenance("python -m bench"))
+    ['command', 'date', 'processor', 'versions']
+    """
     found = {"python": platform.python_version(), "basset": __version__}
     for package in packages:
         try:
@@ -104,7 +155,24 @@ def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmat
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write atomically: a temporary file beside it, then a rename. What is not finite becomes null, as JSON has no NaN."""
+    """Write atomically: a temporary file beside it, then a rename. What is not finite becomes null, as JSON has no NaN.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder is made.
+    content : mapping
+        What JSON can hold; NumPy numbers and arrays too.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_json(Path(folder) / "new" / "a.json", {"time": np.float64("nan")})
+    ...     print((Path(folder) / "new" / "a.json").read_text().split())
+    ['{', '"time":', 'null', '}']
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     write(path, json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 

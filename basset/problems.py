@@ -26,13 +26,23 @@ class Problem:
     end : float, seconds
         The time of the last node.
     slip : callable
-        f(t), array to array.
+        f(t), s (k,) to array (k,), dimensionless.
     rate : callable or None
-        g(t) = df/dt; None where it is not finite at t = 0.
+        g(t) = df/dt, s (k,) to array (k,), 1/s; None where it is not finite at t = 0.
     exact : callable
-        H(t) in float64, array to array; t > 0.
+        H(t) in float64, s^(-1/2), s (k,) to array (k,); t > 0.
     exact_digits : callable
         (t, digits) -> mpmath number.
+
+    Examples
+    --------
+    >>> import basset
+    >>> from basset.problems import PROBLEMS
+    >>> problem = PROBLEMS["decay"]
+    >>> t, dt = problem.grid(1000)
+    >>> H = basset.integrate(**problem.arguments(1000), rule="exponential")
+    >>> bool(abs(H / problem.exact(t[-1:])[0] - 1.0) < 1e-5)
+    True
     """
 
     name: str
@@ -46,15 +56,42 @@ class Problem:
 
     @property
     def initial_slip(self) -> float:
-        """f(0)."""
+        """f(0), dimensionless."""
         return float(self.slip(np.zeros(1))[0])
 
     def grid(self, n: int) -> tuple[Floats, float]:
-        """n+1 nodes on [0, end] and their distance."""
+        """n+1 nodes on [0, end] and their distance.
+
+        Parameters
+        ----------
+        n : int
+            Number of steps.
+
+        Returns
+        -------
+        ndarray (n+1,), seconds; float, seconds
+        """
         return np.linspace(0.0, self.end, n + 1), self.end / n
 
     def arguments(self, n: int, input: str = "rate") -> dict[str, Any]:
-        """The arguments g, dt, initial_slip, input for `basset.integrate` and `basset.cumulate` with n steps."""
+        """The arguments g, dt, initial_slip, input for `basset.integrate` and `basset.cumulate` with n steps.
+
+        Parameters
+        ----------
+        n : int
+            Number of steps.
+        input : {"rate", "slip"}
+            What the samples are to be.
+
+        Returns
+        -------
+        dict
+
+        Raises
+        ------
+        ValueError
+            If rates are asked for and the rate is not finite at t = 0.
+        """
         t, dt = self.grid(n)
         if input == "slip":
             return {"g": self.slip(t), "dt": dt, "input": "slip"}
@@ -155,5 +192,19 @@ PROBLEMS: dict[str, Problem] = {problem.name: problem for problem in _ALL}
 
 
 def tagged(*tags: str) -> list[Problem]:
-    """The problems that carry every one of `tags`."""
+    """The problems that carry every one of `tags`.
+
+    Parameters
+    ----------
+    *tags : str
+
+    Returns
+    -------
+    list of Problem
+
+    Examples
+    --------
+    >>> [problem.name for problem in tagged("thesis")]
+    ['fresnel']
+    """
     return [problem for problem in PROBLEMS.values() if problem.tags.issuperset(tags)]

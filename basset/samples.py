@@ -15,7 +15,7 @@ UNIFORM = 1e-4  # of a step by which times may be off, as they are rounded in fi
 
 
 def read(path: Path, dt: float | None = None, variable: str | None = None) -> tuple[Floats, float]:
-    """Samples (n+1, columns) and their step (seconds).
+    r"""Samples (n+1, columns) and their step (seconds).
 
     Parameters
     ----------
@@ -27,12 +27,26 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     variable : str or None
         Which variable of .nc; None: the only one.
 
+    Returns
+    -------
+    ndarray of float64 (n+1, columns), in the file's unit; float, seconds
+
     Raises
     ------
     OSError
         If the file cannot be read.
-    ValueError
-        In one sentence, if it holds no such samples or the times are not uniform.
+    ValueError, TypeError
+        In one sentence, if it holds no such samples or the times are not uniform, or dt is no positive number.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "rates.csv"
+    ...     _ = path.write_text("t,g\n0.0,1.0\n0.5,2.0\n1.0,4.0\n")
+    ...     samples, dt = read(path)
+    >>> samples.ravel(), dt
+    (array([1., 2., 4.]), 0.5)
     """
     if path.suffix not in SUFFIXES:
         raise ValueError(f"the file must end in {', '.join(SUFFIXES)}, got {str(path)!r}")

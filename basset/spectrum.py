@@ -32,6 +32,8 @@ from basset._compile import shared
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats
 
+__all__ = ["slip_weights", "spectral_ratio"]
+
 _DEGREE = 7  # eight coefficients: one cache line
 _STEP = 0.5  # of the table, in ln λ
 _POINTS = 18  # of half the contour, whose error is 2.85^(-2·_POINTS) = 4e-17; more only add rounding
@@ -103,14 +105,14 @@ def spectral_ratio(rate: ArrayLike, c1: float = 2.0) -> Floats:
 
     Parameters
     ----------
-    rate : array_like
+    rate : array_like (...), dimensionless
         λ, 0 or greater (infinity included), in units of C^(2/3).
-    c1 : float
+    c1 : float, dimensionless
         2 (Mei & Adrian), 2.5 (Dorgan & Loth), or any from 1.5 to 10.
 
     Returns
     -------
-    ndarray of float64 in the shape of `rate`; relative error below 1e-13 (3e-14 for c1 = 2 and 2.5).
+    ndarray of float64 in the shape of `rate`, dimensionless; relative error below 1e-13 (3e-14 for c1 = 2 and 2.5).
 
     Raises
     ------
@@ -191,7 +193,7 @@ def slip_weights(basset_sum: ExponentialSum, steepness: float, c1: float = 2.0, 
         For the Basset kernel, such as ExponentialSum.fit(near, 10·horizon, rtol).
     steepness : float, s^(-3/2)
         C, 0 or greater; 0 gives the sum's own weights.
-    c1 : float
+    c1 : float, dimensionless
         As in `spectral_ratio`.
     horizon : float, seconds, or None
         The longest lag that matters, at most the sum's far. The terms with rate·horizon < 5 get the weights that match
@@ -205,6 +207,10 @@ def slip_weights(basset_sum: ExponentialSum, steepness: float, c1: float = 2.0, 
     ------
     ValueError, TypeError
         If a parameter is out of range, or the sum is not for the Basset kernel.
+
+    References
+    ----------
+    Mei & Adrian (1992), J. Fluid Mech. 237, 323 (the kernel); the weights: this library.
 
     Examples
     --------

@@ -43,16 +43,27 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    samples : ndarray (components, S)
+    samples : ndarray (components, S), unit of f per second
         The newest samples of the running stretch, as a ring (written twice, so that it always reads contiguously).
     terms : ndarray (components, T)
         The exponentials, each in units of H.
-    future : ndarray (components, R)
+    future : ndarray (components, R), in units of H
         What finished stretches and recent jumps add at the coming nodes, as a ring.
-    history : ndarray (components,)
+    history : ndarray, shape of one sample, in units of H
         H at the newest node.
-    counters : ndarray (3,)
+    counters : ndarray (3,), dimensionless
         Samples in the running stretch, nodes so far, coming nodes with an entry in `future`.
+
+    Examples
+    --------
+    >>> import pickle
+    >>> import basset
+    >>> plan = basset.Exponential().plan(dt=0.1, horizon=10.0)
+    >>> state = plan.start()
+    >>> _ = plan.run(state, np.ones(50))
+    >>> copy = State(*pickle.loads(pickle.dumps(state)))
+    >>> plan.tail(copy) == plan.tail(state)
+    True
     """
 
     samples: Array
@@ -65,6 +76,17 @@ class State(NamedTuple):
 class Plan:
     """A rule made ready to stream with one step size; create it with `rule.plan(dt, horizon, kernel)`.
 
+    Parameters
+    ----------
+    rule : Rule
+        What streams.
+    dt : float, seconds
+        Step size.
+    horizon : float, seconds
+        The longest time that will be remembered.
+    kernel : Kernel
+        What is remembered.
+
     Attributes
     ----------
     rule, dt, kernel : as given
@@ -72,6 +94,33 @@ class Plan:
         How many steps after the first sample are allowed; None without limit.
     tail_sum : ExponentialSum or None
         The sum that stands for the kernel beyond the window.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Rule.plan`.
+
+    References
+    ----------
+    van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465 (recursion); the exact split and the jumps:
+    this library.
+
+    Examples
+    --------
+    >>> import numpy as np, basset
+    >>> plan = basset.Daitche(order=1).plan(dt=0.25, horizon=1.0)
+    >>> state = plan.start()
+    >>> for _ in range(4):
+    ...     plan.push(state, 1.0)  # f' = 1: H = 2√t
+    >>> round(plan.value(state), 12) == round(2.0 * math.sqrt(0.75), 12)
+    True
+    >>> round(plan.tail(state) + plan.local(state) * 1.0, 12)  # H at the next node, if its rate is 1
+    2.0
+    >>> plan.jump(state, 3.0)  # f jumps by 3 at the newest node: 3 K(0.25) = 6 more there
+    >>> round(plan.tail(state) + plan.local(state) * 1.0, 12)
+    8.0
+    >>> np.allclose(plan.weights(2), plan.rule.weights(2, 0.25))
+    True
     """
 
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: Kernel) -> None:
@@ -175,7 +224,27 @@ class Plan:
 
     @staticmethod
     def window_weights(base: Daitche, unit: Kernel, window: int, lags: int) -> Floats:
-        """Weights (lags+1,), newest first, of the panels inside the window, none shifted at its old end; unit step."""
+        """Weights (lags+1,), newest first, of the panels inside the window, none shifted at its old end; unit step.
+
+        Parameters
+        ----------
+        base : Daitche
+            The rule inside the window.
+        unit : Kernel
+            The kernel, its time scale in steps.
+        window, lags : int
+            Steps of the window; the largest lag that is touched.
+
+        Returns
+        -------
+        ndarray (lags+1,), dimensionless
+
+        Examples
+        --------
+        >>> from basset import BassetKernel
+        >>> Plan.window_weights(Daitche(1), BassetKernel(), 1, 1).round(12)  # ∫ s^(-1/2) (1 − s) ds and ∫ s^(1/2) ds
+        array([1.33333333, 0.66666667])
+        """
         degree, centre = base.order, base.order // 2
         local = np.zeros(max(lags, degree) + 1)
         first = 0
@@ -208,6 +277,10 @@ class Plan:
         shape : tuple of int or int
             Shape of one sample: () for one number, (n, 3) for n grains in space.
 
+        Returns
+        -------
+        State
+
         Raises
         ------
         ValueError, TypeError
@@ -225,7 +298,8 @@ class Plan:
         Parameters
         ----------
         state : State
-        g : array_like, shape of one sample
+            Changed in place.
+        g : array_like, shape of one sample, unit of f per second
             The rate df/dt at the next node.
 
         Raises
@@ -237,7 +311,14 @@ class Plan:
         self.run(state, self._sample("g", g, state)[None])
 
     def run(self, state: State, G: ArrayLike) -> Array:
-        """Accept a block of samples (steps, *shape), in place, and return H at each of them; one entry into compiled code.
+        """Accept a block of samples, in place, and return H at each of them; one entry into compiled code.
+
+        Parameters
+        ----------
+        state : State
+            Changed in place.
+        G : array_like (steps, *shape), unit of f per second
+            Rates df/dt at the next nodes.
 
         Returns
         -------
@@ -247,6 +328,13 @@ class Plan:
         ------
         ValueError, TypeError
             As `push`; the state is then unchanged.
+
+        Examples
+        --------
+        >>> import basset
+        >>> plan = basset.Daitche(order=1).plan(dt=0.25, horizon=1.0)
+        >>> plan.run(plan.start(2), np.ones((5, 2)))[-1].round(12)  # f' = 1: 2√t
+        array([2., 2.])
         """
         from basset import _stream
         from basset.evaluate import _converted, _diagnose
@@ -275,11 +363,34 @@ class Plan:
         return history.reshape(steps, *shape)
 
     def value(self, state: State) -> Any:
-        """H at the newest node, shape of one sample; 0 after the first push (an initial jump counts from the next node on)."""
+        """H at the newest node, shape of one sample; 0 after the first push (an initial jump counts from the next node on).
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+        """
         return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: State) -> Any:
-        """The part of H at the next node that does not depend on the next sample, shape of one sample: H = tail + local·g."""
+        """The part of H at the next node that does not depend on the next sample, shape of one sample: H = tail + local·g.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the state is another plan's, or the horizon is reached.
+        """
         from basset import _stream
 
         self._room(state)
@@ -293,7 +404,21 @@ class Plan:
         return result.reshape(state.history.shape) if state.history.ndim else float(result[0])
 
     def local(self, state: State) -> float:
-        """The factor of the next sample in H at the next node, s^(1/2)."""
+        """The factor of the next sample in H at the next node.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        float, s^(1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `tail`.
+        """
         self._room(state)
         n = int(state.counters[0])
         short, _, interior, fixed, _, _, _ = self._arrays
@@ -323,13 +448,13 @@ class Plan:
         Parameters
         ----------
         state : State
-            With at least one sample.
-        delta : array_like, number or shape of one sample
+            With at least one sample; changed in place.
+        delta : array_like, number or shape of one sample, unit of f
             f after minus f before.
         age : float, seconds
             The jump lies this long before the newest node: 0 is at the node, other values need not be whole steps. Jumps
             with g within one step are given in the order of time.
-        g : array_like, shape of one sample, or None
+        g : array_like, shape of one sample, or None; unit of f per second
             The rate after the jump, at the newest node; None if the rate is continuous. With g the smooth stretch ends at
             the jump: older samples keep their polynomial up to it (extended for age > 0, where the rate after the jump is
             taken as constant up to the node), a new stretch starts with g, and no stencil straddles the jump. Rules of
@@ -495,7 +620,23 @@ class Plan:
 
     # ------------------------------------------------------------------------------------------------ as a whole
     def trajectory(self, rates: Floats) -> Floats:
-        """H at every node of one stretch for rates (nodes, components): `run` in O(n log n), by FFT where the window is long."""
+        """H at every node of one stretch for rates (nodes, components): `run` in O(n log n), by FFT where the window is long.
+
+        Parameters
+        ----------
+        rates : ndarray (nodes, components), unit of f per second
+
+        Returns
+        -------
+        ndarray (nodes, components), unit of f × s^(-1/2)
+
+        Examples
+        --------
+        >>> import basset
+        >>> plan = basset.Exponential().plan(dt=0.01, horizon=10.0)
+        >>> plan.trajectory(np.ones((401, 1)))[-1].round(4)  # f' = 1: 2√t
+        array([4.])
+        """
         from basset import _stream
         from basset.quadrature.base import filtered_by
 
@@ -513,7 +654,23 @@ class Plan:
         return result
 
     def kernel_used(self, count: int) -> Floats:
-        """The kernel that the stream applies, at lags dt … count·dt (count,): with the sum, or 0, beyond the window."""
+        """The kernel that the stream applies: with the sum, or 0, beyond the window.
+
+        Parameters
+        ----------
+        count : int
+            How many lags: dt … count·dt.
+
+        Returns
+        -------
+        ndarray (count,), s^(-1/2)
+
+        Examples
+        --------
+        >>> import basset
+        >>> basset.Windowed(basset.Daitche(1), window=2.0).plan(dt=1.0, horizon=9.0).kernel_used(3).round(4)
+        array([1.    , 0.7071, 0.    ])
+        """
         lags = np.arange(1.0, count + 1.0)
         result = self._excess(lags)
         for weight, rate in zip(self._tail_weights, self._rates, strict=True):
@@ -523,7 +680,22 @@ class Plan:
     # ------------------------------------------------------------------------------------------------ as weights
 
     def weights(self, n: int) -> Array:
-        """Weights (n+1,), newest first, of H at node n of one stretch: what the stream applies; n from 1 to the horizon."""
+        """Weights of H at node n of one stretch, newest first: what the stream applies.
+
+        Parameters
+        ----------
+        n : int
+            1 to the number of steps in the horizon.
+
+        Returns
+        -------
+        ndarray (n+1,), s^(1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            If n is out of range.
+        """
         n = _validate.integer("n", n, 1, self.steps)
         short, oldest, interior, fixed, _, gains, entry = self._arrays
         result = np.zeros(n + 1)

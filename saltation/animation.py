@@ -21,6 +21,8 @@ from saltation._files import replacing
 from saltation.cloud_result import CloudResult
 from saltation.highlights import jump_time, settled
 
+__all__ = ["animate"]
+
 FRAMES = 100
 WIDEST = 30.0  # d: of a wider box a part is shown
 WIDTH = 7.2  # inch

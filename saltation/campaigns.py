@@ -24,6 +24,8 @@ from saltation.scene import AUTO, Scene, read, scene_of, shipped
 from saltation.simulation import run
 from saltation.workers import TURN, cores, processes
 
+__all__ = ["Store", "campaign", "diameter_of", "grains", "judge", "thesis"]
+
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "abs_deviation_angle")  # of the jumps that count; the last is |deviation_angle|
 MEANS = tuple(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se"))
 COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency")

@@ -15,7 +15,19 @@ from saltation.scene import AUTO
 
 
 class Number(NamedTuple):
-    """One dimensionless number: symbol, value, what it is."""
+    """One dimensionless number: symbol, value, what it is.
+
+    Attributes
+    ----------
+    symbol : str
+    value : float, dimensionless
+    meaning : str
+
+    Examples
+    --------
+    >>> Number("Re*", 30.0, "Reynolds number").value
+    30.0
+    """
 
     symbol: str
     value: float
@@ -23,7 +35,23 @@ class Number(NamedTuple):
 
 
 def numbers(scene: Any) -> list[Number]:
-    """The dimensionless numbers of a scene; those of the stream only where there is one."""
+    """The dimensionless numbers of a scene; those of the stream only where there is one.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Number
+        Dimensionless.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> {number.symbol: number.value for number in numbers(saltation.load("sand"))}["T"]
+    1.87
+    """
     n = scene.numbers
     found = [
         Number("rho_s/rho", n.density_ratio, "density of the grain over the fluid's"),
@@ -52,7 +80,27 @@ def numbers(scene: Any) -> list[Number]:
 
 
 def settling_velocity(scene: Any) -> float | None:
-    """Terminal velocity in still water in m/s, by the scene's law of drag; None without weight or drag, or for a grain that does not sink."""
+    """Terminal velocity in still water, by the scene's law of drag.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    float, m/s, or None
+        None without weight or drag, or for a grain that does not sink.
+
+    References
+    ----------
+    Thesis (3-1), steady: the drag of the scene's law balances the weight.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> round(settling_velocity(saltation.load("sand")), 3)  # sand of 0.69 mm
+    0.104
+    """
     n = scene.numbers
     if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
         return None
@@ -66,7 +114,23 @@ def settling_velocity(scene: Any) -> float | None:
 
 
 def computed(scene: Any) -> dict[str, str]:
-    """What a run of the scene computes."""
+    """What a run of the scene computes.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    dict
+        What (state, spin, forces, memory, …) -> a line of text.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> computed(saltation.load("settling"))["forces"]
+    'weight, drag'
+    """
     engine = Engine(scene)
     axes = "xz" if scene.in_plane else "xyz"
     names = [*axes, *({"x": "u", "y": "v", "z": "w"}[axis] for axis in axes)]
@@ -113,7 +177,22 @@ def _memory(scene: Any, engine: Engine) -> str:
 
 
 def left_out(scene: Any) -> list[str]:
-    """What a run of the scene does not compute: no state, no memory, no time goes into it."""
+    """What a run of the scene does not compute: no state, no memory, no time goes into it.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import saltation
+    >>> "a bed (no [bed])" in left_out(saltation.load("settling"))
+    True
+    """
     meaningless = {"encounters"} if scene.cloud is None else set()  # a single grain meets nobody
     missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names and name not in meaningless]
     if not scene.turns:
@@ -128,12 +207,42 @@ def left_out(scene: Any) -> list[str]:
 
 
 def ignored(scene: Any) -> list[str]:
-    """Names of the tables that a scene gives for effects that it does not have."""
+    """Names of the tables that a scene gives for effects that it does not have.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import saltation
+    >>> ignored(saltation.load("sand"))
+    []
+    """
     return [name for name in EFFECTS if name not in scene.names and getattr(scene, name) is not None]
 
 
 def warnings(scene: Any) -> list[str]:
-    """What to be wary of, one sentence or two each."""
+    """What to be wary of, one sentence or two each.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import saltation
+    >>> [line for line in warnings(saltation.load("sand")) if line.startswith("history")] != []  # Re* is above 4
+    True
+    """
     n = scene.numbers
     found = [f"[{name}] is ignored: {name!r} is not among the effects" for name in ignored(scene)]
     if scene.channel is not None and n.stage < 1.0:

@@ -26,6 +26,8 @@ from saltation.highlights import Group, busiest, clean_pair, contact_points, enc
 from saltation.plots import SPREAD, draw_moments, styled
 from saltation.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
 
+__all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
+
 GRAINS = (BLUE, ORANGE, GREEN, PINK, SKY, BLACK)
 SPAN = 4.0  # mean durations of a jump that such a picture shows
 PLANES = {"x–z": (0, 2), "x–y": (0, 1), "y–z": (1, 2)}

@@ -17,6 +17,8 @@ from saltation import encounters, flight, statistics
 from saltation.result import UNITS, Kept, shares, table_in, table_of, that_count
 from saltation.scene import scene_of
 
+__all__ = ["CloudResult"]
+
 WHOLE = ("grain", "first", "second")  # columns that count grains
 ENCOUNTER_UNITS = {"time": "d/u*", "first": "1", "second": "1", "restitution": "1", "distance": "d"}  # others by what they are
 AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}

@@ -19,30 +19,82 @@ from basset._compile import load, method
 from basset.kernels import Floats
 from saltation.grain import Numbers
 
+__all__ = ["LogLaw", "Profile", "Reichardt", "Still", "Swamee", "profile_of", "yalin_shift"]
+
 VON_KARMAN = 0.41
 
 
 class Still(NamedTuple):
-    """No stream."""
+    """No stream.
+
+    Attributes
+    ----------
+    nothing : float, dimensionless
+        0: a tuple that is compiled cannot be empty.
+
+    Examples
+    --------
+    >>> Still(0.0).both(3.0)
+    (0.0, 0.0)
+    """
 
     nothing: float
 
     def both(self, z: float) -> tuple[float, float]:
-        """(0, 0)."""
+        """(0, 0).
+
+        Parameters
+        ----------
+        z : float, d
+            Height above the bed level.
+
+        Returns
+        -------
+        (float, float), u* and u*/d
+        """
         return 0.0, 0.0
 
 
 class Profile:
-    """A velocity profile: `extended(z)` gives (velocity, shear) for z > 0, smoothly; both are 0 at `floor` and below."""
+    """A velocity profile: `extended(z)` gives (velocity, shear) for z > 0, smoothly; both are 0 at `floor` and below.
+
+    Examples
+    --------
+    >>> class Couette(Profile):
+    ...     def extended(self, z):
+    ...         return 2.0 * z, 2.0
+    >>> Couette().both(3.0), Couette().both(-1.0)
+    ((6.0, 2.0), (0.0, 0.0))
+    """
 
     floor = 0.0
 
     def extended(self, z: float) -> tuple[float, float]:
-        """Velocity (u*) and shear (u*/d)."""
+        """Velocity and shear above the floor.
+
+        Parameters
+        ----------
+        z : float, d
+            Height above the bed level, greater than 0.
+
+        Returns
+        -------
+        (float, float), u* and u*/d
+        """
         raise NotImplementedError
 
     def both(self, z: float) -> tuple[float, float]:
-        """Velocity (u*) and shear (u*/d) at height z (d), 0 at and below the floor."""
+        """Velocity and shear, 0 at and below the floor.
+
+        Parameters
+        ----------
+        z : float, d
+            Height above the bed level.
+
+        Returns
+        -------
+        (float, float), u* and u*/d
+        """
         return (0.0, 0.0) if z <= self.floor else self.extended(z)
 
 
@@ -50,7 +102,22 @@ class Profile:
 class Reichardt(Profile):
     """Smooth wall: u⁺ = ln(1 + κz⁺)/κ + 7.8 (1 − e^(−z⁺/11) − (z⁺/11) e^(−0.33 z⁺)).
 
-    Source: Reichardt (1951), Z. Angew. Math. Mech. 31, 208.
+    Attributes
+    ----------
+    reynolds : float, dimensionless
+        u* d/ν.
+    kappa : float, dimensionless
+        κ.
+
+    References
+    ----------
+    Reichardt (1951), Z. Angew. Math. Mech. 31, 208.
+
+    Examples
+    --------
+    >>> velocity, shear = Reichardt(50.0, 0.41).both(1e-6)
+    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer: u⁺ = z⁺
+    True
     """
 
     reynolds: float
@@ -70,6 +137,21 @@ class Swamee(Profile):
     """Smooth to rough in one: u⁺ = {(z⁺)^(−10/3) + [κ⁻¹ ln(1 + 9 z⁺/(1 + 0.3 k_s⁺))]^(−10/3)}^(−0.3).
 
     No singularity at the bed. Source: Swamee (1993), J. Irrig. Drain. Eng. 119, 656 (constants as in the project's notes).
+
+    Attributes
+    ----------
+    reynolds : float, dimensionless
+        u* d/ν.
+    kappa : float, dimensionless
+        κ.
+    scale : float, dimensionless
+        9/(1 + 0.3 k_s⁺).
+
+    Examples
+    --------
+    >>> velocity, shear = Swamee(50.0, 0.41, 9.0 / 16.0).both(1e-6)
+    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer: u⁺ = z⁺
+    True
     """
 
     reynolds: float
@@ -89,7 +171,28 @@ class Swamee(Profile):
 
 @dataclass(frozen=True)
 class LogLaw(Profile):
-    """u⁺ = ln(z/k_s)/κ + B above the height where it vanishes, 0 below."""
+    """u⁺ = ln(z/k_s)/κ + B above the height where it vanishes, 0 below.
+
+    Attributes
+    ----------
+    roughness : float, dimensionless
+        k_s/d.
+    kappa : float, dimensionless
+        κ.
+    shift : float, dimensionless
+        B.
+
+    References
+    ----------
+    Yalin (1992), River Mechanics; B = 8.5 over rough beds.
+
+    Examples
+    --------
+    >>> LogLaw(1.0, 0.4, 8.5).both(1.0)
+    (8.5, 2.5)
+    >>> LogLaw(1.0, 0.4, 8.5).both(0.03)
+    (0.0, 0.0)
+    """
 
     roughness: float  # k_s/d
     kappa: float
@@ -97,7 +200,7 @@ class LogLaw(Profile):
 
     @property
     def floor(self) -> float:  # type: ignore[override]
-        """z₀ = k_s e^(−κB)."""
+        """z₀ = k_s e^(−κB), in d: where the velocity vanishes."""
         return self.roughness * math.exp(-self.kappa * self.shift)
 
     def extended(self, z: float) -> tuple[float, float]:
@@ -172,12 +275,28 @@ both = method("both", 1)
 def yalin_shift(roughness_reynolds: float) -> float:
     """B(Re_k) of the law of the wall, Re_k = u* k_s/ν ≥ 1: 5.5 for smooth, 8.5 for rough beds.
 
-    Source: Yalin (1992), River Mechanics (constants as in the project's notes).
+    Parameters
+    ----------
+    roughness_reynolds : float, dimensionless
+        Re_k.
+
+    Returns
+    -------
+    float, dimensionless
 
     Raises
     ------
     ValueError
         If Re_k is below 1.
+
+    References
+    ----------
+    Yalin (1992), River Mechanics (constants as in the project's notes).
+
+    Examples
+    --------
+    >>> yalin_shift(1.0), round(yalin_shift(1e4), 6)
+    (5.5, 8.5)
     """
     if roughness_reynolds < 1.0:
         raise ValueError(f"profile 'yalin' needs a roughness Reynolds number u* k_s/ν of at least 1, got {roughness_reynolds:g}; take 'reichardt' or 'swamee'")
@@ -196,12 +315,33 @@ REGIMES = {"smooth": "reichardt", "transitional": "yalin", "rough": "constant_b"
 
 
 def profile_of(name: str, numbers: Numbers, roughness: float = 1.0, kappa: float = VON_KARMAN) -> Any:
-    """The profile called `name` (a key of PROFILES or REGIMES); `roughness` is k_s/d.
+    """The profile of a name.
+
+    Parameters
+    ----------
+    name : str
+        A key of PROFILES or REGIMES.
+    numbers : Numbers
+        Of the scene.
+    roughness : float, dimensionless
+        k_s/d.
+    kappa : float, dimensionless
+        κ.
+
+    Returns
+    -------
+    Still, Reichardt, Swamee or LogLaw
 
     Raises
     ------
     ValueError
         If there is no such profile, or it does not hold for the scene's roughness Reynolds number.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> profile_of("rough", saltation.load("sand").numbers)
+    LogLaw(roughness=1.0, kappa=0.41, shift=8.5)
     """
     if name not in PROFILES and name not in REGIMES:
         raise ValueError(f"profile must be one of {', '.join([*PROFILES, *REGIMES])}, got {name!r}")

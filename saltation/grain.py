@@ -18,13 +18,15 @@ def critical_shields(particle_reynolds: float) -> float:
 
     Parameters
     ----------
-    particle_reynolds : float or ndarray
+    particle_reynolds : float or ndarray (...), dimensionless
 
     Returns
     -------
-    float or ndarray, dimensionless
+    float or ndarray (...), dimensionless
 
-    Source: Parker's fit to Shields' curve as in the thesis (4-13), with R_p, not Re_p.
+    References
+    ----------
+    Parker's fit to Shields' curve as in the thesis (4-13), with R_p, not Re_p.
 
     Examples
     --------
@@ -43,22 +45,30 @@ class Numbers:
     ----------
     diameter, velocity : float, m and m/s
         The units of length and velocity; time is in diameter/velocity.
-    density_ratio : float
+    density_ratio : float, dimensionless
         ρ_s/ρ.
-    particle_reynolds : float
+    particle_reynolds : float, dimensionless
         R_p = √(|R| g d³)/ν, R = ρ_s/ρ − 1.
-    reynolds : float
+    reynolds : float, dimensionless
         Re* = V d/ν.
-    shields : float
+    shields : float, dimensionless
         τ* = V²/(R g d); in still water ±1, the sign of R.
-    critical_shields : float
+    critical_shields : float, dimensionless
         τ*c, thesis (4-13).
-    stage : float or None
+    stage : float, dimensionless, or None
         T = τ*/τ*c; None in still water.
-    added_mass : float
+    added_mass : float, dimensionless
         C_m, 0 where added mass is not among the effects.
     slope : float, radians
         Angle of the bed.
+
+    Examples
+    --------
+    >>> n = numbers_of(1000.0, 1e-6, 2000.0, 1e-3, shear_velocity=0.1, added_mass=0.5)
+    >>> n.reynolds, n.time, n.alpha
+    (100.0, 0.01, 0.4)
+    >>> n.stokes(9.0)
+    200.0
     """
 
     diameter: float
@@ -79,16 +89,26 @@ class Numbers:
 
     @property
     def alpha(self) -> float:
-        """α = 1/(1 + R + C_m), thesis (3-1)."""
+        """α = 1/(1 + R + C_m), dimensionless, thesis (3-1)."""
         return 1.0 / (self.density_ratio + self.added_mass)
 
     @property
     def history(self) -> float:
-        """Coefficient c = 9α/√(π Re*) of the history integral, thesis (3-1)."""
+        """Coefficient c = 9α/√(π Re*) of the history integral in (d/V)^(-1/2), thesis (3-1)."""
         return 9.0 * self.alpha / math.sqrt(math.pi * self.reynolds)
 
     def stokes(self, speed: float) -> float:
-        """Collision Stokes number ρ_s d V_n/(9 μ) of a normal impact speed (units of V)."""
+        """Collision Stokes number ρ_s d V_n/(9 μ).
+
+        Parameters
+        ----------
+        speed : float, V
+            V_n, the normal impact speed.
+
+        Returns
+        -------
+        float, dimensionless
+        """
         return self.density_ratio * self.reynolds * speed / 9.0
 
 
@@ -103,20 +123,35 @@ def numbers_of(
     slope: float = 0.0,
     added_mass: float = 0.5,
 ) -> Numbers:
-    """The numbers of a grain of `density` (kg/m³) and `diameter` (m) in a fluid of `fluid_density` and `viscosity` (m²/s).
+    """The dimensionless numbers of a grain in a fluid.
 
     Parameters
     ----------
-    shear_velocity, transport_stage : float or None
-        u* in m/s, or T = τ*/τ*c; neither: still water.
+    fluid_density, density : float, kg/m³
+    viscosity : float, m²/s
+        Kinematic.
+    diameter : float, m
+    shear_velocity : float, m/s, or None
+        u*.
+    transport_stage : float, dimensionless, or None
+        T = τ*/τ*c, in place of u*; neither: still water.
     slope : float, radians
-    added_mass : float
+    added_mass : float, dimensionless
         C_m.
+
+    Returns
+    -------
+    Numbers
 
     Raises
     ------
     ValueError
         If a stream or still water has no velocity scale because grain and fluid weigh the same.
+
+    Examples
+    --------
+    >>> round(numbers_of(1000.0, 1e-6, 2650.0, 0.69e-3, transport_stage=1.87).particle_reynolds, 1)
+    72.9
     """
     excess = density / fluid_density - 1.0
     unit = math.sqrt(abs(excess) * GRAVITY * diameter)

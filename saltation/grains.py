@@ -15,6 +15,8 @@ from basset.kernels import Floats
 from saltation import statistics
 from saltation.cloud_result import CloudResult
 
+__all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
+
 RUN = ["concentration", "particle_reynolds", "stage"]  # labels of a run, besides whether grains meet
 PRINTED = {  # Table 4-2 at R_p = 73, by C_p and T: F_pp, F_pb, R_pb/pp
     (0.0013, 2.0): (0.14, 9.91, 72.40),

@@ -15,6 +15,8 @@ from basset.kernels import Floats
 from saltation.cloud_result import CloudResult
 from saltation.tracks import SPEEDS, Track, columns, image, meeting_places, track
 
+__all__ = ["Group", "Pair", "busiest", "clean_pair", "group_of"]
+
 MOST = 6  # grains in a picture
 CANDIDATES = 500  # encounters that are tried
 

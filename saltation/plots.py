@@ -22,6 +22,8 @@ from saltation import statistics
 from saltation.effects.rotation import prescribed_spin
 from saltation.result import Result
 
+__all__ = ["budget", "diffusion", "jumps", "spin", "trajectory"]
+
 FORCES = {  # colour, marker, name
     "weight": (BLACK, "s", "weight"),
     "drag": (BLUE, "D", "drag"),

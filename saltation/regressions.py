@@ -20,7 +20,19 @@ Floats = NDArray[np.float64]
 
 
 class Jump(NamedTuple):
-    """The mean jump: height and length in d, speed along the stream in u*."""
+    """The mean jump.
+
+    Attributes
+    ----------
+    height, length : ndarray (...), d
+    speed : ndarray (...), u*
+        Along the stream.
+
+    Examples
+    --------
+    >>> REGRESSIONS["van_rijn_1984"](73.0, 1.0)  # at the threshold
+    Jump(height=np.float64(0.0), length=np.float64(0.0), speed=np.float64(0.0))
+    """
 
     height: Floats
     length: Floats
@@ -39,6 +51,12 @@ class Regression:
         The paper.
     function : callable
         (particle_reynolds, transport_stage) -> `Jump`, elementwise on arrays.
+
+    Examples
+    --------
+    >>> jump = REGRESSIONS["sklar_dietrich_2004"](73.0, 2.0)
+    >>> round(float(jump.height), 12), round(float(jump.length), 12)
+    (1.44, 8.0)
     """
 
     name: str
@@ -50,9 +68,9 @@ class Regression:
 
         Parameters
         ----------
-        particle_reynolds : array_like
+        particle_reynolds : array_like (...), dimensionless
             R_p = √(R g d³)/ν, above zero.
-        transport_stage : array_like
+        transport_stage : array_like (...), dimensionless
             T = τ*/τ*c with τ*c of `critical_shields`, zero or more. At and below T = 1 nothing jumps: all zero.
 
         Returns
@@ -66,6 +84,10 @@ class Regression:
             For what is no array of real numbers.
         ValueError
             For NaN, infinity and numbers out of range, and for shapes that do not broadcast.
+
+        References
+        ----------
+        `source` of each; R_p as in thesis (4-13).
         """
         rp = _quantity("particle_reynolds", particle_reynolds, above=True)
         stage = _quantity("transport_stage", transport_stage)
@@ -113,7 +135,7 @@ def envelope(particle_reynolds: ArrayLike, transport_stage: ArrayLike) -> dict[s
 
     Parameters
     ----------
-    particle_reynolds, transport_stage : array_like
+    particle_reynolds, transport_stage : array_like (...), dimensionless
         As for `Regression`.
 
     Returns
@@ -141,27 +163,55 @@ def meyer_peter_mueller(shields: ArrayLike) -> Floats:
 
     Parameters
     ----------
-    shields : array_like
+    shields : array_like (...), dimensionless
         τ*, zero or more.
 
     Returns
     -------
-    ndarray of the shape of `shields`: the Einstein number q/√(R g d³)
+    ndarray of the shape of `shields`, dimensionless: the Einstein number q/√(R g d³)
 
     Raises
     ------
     TypeError, ValueError
         For what is no array of real numbers, for NaN, infinity and negative numbers.
 
-    Source: Meyer-Peter and Müller (1948), 2nd meeting of the IAHSR, Stockholm, 39–64.
+    References
+    ----------
+    Meyer-Peter and Müller (1948), 2nd meeting of the IAHSR, Stockholm, 39–64.
+
+    Examples
+    --------
+    >>> meyer_peter_mueller([0.04, 0.297]).round(12)
+    array([0., 1.])
     """
     return 8.0 * _above(shields, 0.047) ** 1.5
 
 
 def wong_parker(shields: ArrayLike) -> Floats:
-    """Bed load q* = 3.97 (τ* − 0.0495)^(3/2), zero below the threshold; arguments and errors as `meyer_peter_mueller`.
+    """Bed load q* = 3.97 (τ* − 0.0495)^(3/2), zero below the threshold.
 
-    Source: Wong and Parker (2006), J. Hydraul. Eng. 132(11), 1159–1168.
+    Parameters
+    ----------
+    shields : array_like (...), dimensionless
+        τ*, zero or more.
+
+    Returns
+    -------
+    ndarray of the shape of `shields`, dimensionless: the Einstein number q/√(R g d³)
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `meyer_peter_mueller`.
+
+    References
+    ----------
+    Wong and Parker (2006), J. Hydraul. Eng. 132(11), 1159–1168.
+
+    Examples
+    --------
+    >>> wong_parker([0.04, 1.0495]).round(12)
+    array([0.  , 3.97])
     """
     return 3.97 * _above(shields, 0.0495) ** 1.5
 
@@ -174,21 +224,30 @@ def bed_load(shields: ArrayLike, critical: ArrayLike, speed: ArrayLike, friction
 
     Parameters
     ----------
-    shields, critical : array_like
+    shields, critical : array_like (...), dimensionless
         τ* (zero or more) and τ*c (above zero).
-    speed : array_like
-        Mean speed along the stream in u*.
-    friction : array_like
+    speed : array_like (...), u*
+        Mean speed along the stream.
+    friction : array_like (...), dimensionless
         μ_d = ΣJ_x/ΣJ_z of the impulses on the bed, above zero.
 
     Returns
     -------
-    ndarray of the shape that the arguments broadcast to: the Einstein number q/√(R g d³)
+    ndarray of the shape that the arguments broadcast to, dimensionless: the Einstein number q/√(R g d³)
 
     Raises
     ------
     TypeError, ValueError
         For what is no array of real numbers, for NaN, infinity, numbers out of range and shapes that do not broadcast.
+
+    References
+    ----------
+    Bagnold (1956), Philos. Trans. R. Soc. A 249, 235–297.
+
+    Examples
+    --------
+    >>> round(float(bed_load(0.09, 0.04, 8.0, 0.3)), 12)  # 0.05 × 8 × 0.3/0.3
+    0.4
     """
     tau, critical = _quantity("shields", shields), _quantity("critical", critical, above=True)
     speed, friction = _reals("speed", speed), _quantity("friction", friction, above=True)

@@ -26,6 +26,8 @@ from saltation.effects import EFFECTS
 from saltation.engine import REST, Engine
 from saltation.scene import scene_of
 
+__all__ = ["Result", "open_result"]
+
 UNITS = {  # of the table of jumps
     "start": ("d/u*", "time of takeoff"),
     "duration": ("d/u*", "from impact to impact"),

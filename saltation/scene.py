@@ -24,6 +24,8 @@ from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
 from saltation.grain import Numbers, numbers_of
 from saltation.presets import ALL, PRESETS, Preset
 
+__all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
+
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
 FINEST = 1e-13  # relative error of sums of exponentials
@@ -32,7 +34,16 @@ SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wron
 
 
 class SceneError(ValueError):
-    """A scene that cannot be simulated; the message is one sentence."""
+    """A scene that cannot be simulated; the message is one sentence.
+
+    Examples
+    --------
+    >>> try:
+    ...     load("sandy.toml")
+    ... except SceneError as error:
+    ...     print(str(error).partition(";")[0])
+    scene 'sandy.toml' does not exist
+    """
 
 
 def _one_of(options: Any) -> BeforeValidator:
@@ -61,21 +72,39 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class Fluid(Table):
-    """The fluid."""
+    """The fluid.
+
+    Examples
+    --------
+    >>> Fluid().density
+    1000.0
+    """
 
     density: float = Field(1000.0, gt=0.0, description="kg/m3")
     viscosity: float = Field(1.0e-6, gt=0.0, description="kinematic, m2/s")
 
 
 class Grain(Table):
-    """The grain, a sphere."""
+    """The grain, a sphere.
+
+    Examples
+    --------
+    >>> Grain(diameter=0.5e-3).density
+    2650.0
+    """
 
     density: float = Field(2650.0, gt=0.0, description="kg/m3")
     diameter: float = Field(gt=0.0, description="m")
 
 
 class Channel(Table):
-    """The stream; leave the table out for still water."""
+    """The stream; leave the table out for still water.
+
+    Examples
+    --------
+    >>> Channel(transport_stage=2.0).profile
+    'swamee'
+    """
 
     transport_stage: float | None = Field(None, gt=0.0, description="τ*/τ*c, dimensionless; or give shear_velocity")
     shear_velocity: float | None = Field(None, gt=0.0, description="u*, m/s; or give transport_stage")
@@ -92,7 +121,13 @@ class Channel(Table):
 
 
 class Bed(Table):
-    """The bed; leave the table out where there is none."""
+    """The bed; leave the table out where there is none.
+
+    Examples
+    --------
+    >>> Bed(friction=0.1).rebound, Bed(rebound="garcia_nino", tangential_retention=0.75).friction
+    ('tsuji', None)
+    """
 
     rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
     roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
@@ -122,7 +157,13 @@ class Bed(Table):
 
 
 class Start(Table):
-    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
+    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact.
+
+    Examples
+    --------
+    >>> Start().velocity is None  # 2 u* along and up
+    True
+    """
 
     velocity: Vector | None = Field(None, description="x, y, z in m/s")
     spin: Vector | None = Field(None, description="x, y, z in rad/s")
@@ -130,7 +171,13 @@ class Start(Table):
 
 
 class Solver(Table):
-    """How flights are integrated."""
+    """How flights are integrated.
+
+    Examples
+    --------
+    >>> Solver(method="fixed_step", dt=1e-3).dt
+    0.001
+    """
 
     method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
     rtol: float = Field(1.0e-5, ge=1e-10, le=1e-2, description="error of a jump's height, length and duration, relative to the mean jump (collocation)")
@@ -146,7 +193,13 @@ class Solver(Table):
 
 
 class Cloud(Table):
-    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
+    """Many grains instead of one; all set out at once from random places in a layer over the bed.
+
+    Examples
+    --------
+    >>> Cloud(number=100, concentration=0.01).boundary
+    'periodic'
+    """
 
     number: int = Field(ge=1, le=10**7, description="number of grains")
     concentration: float = Field(gt=0.0, le=0.3, description="C_p: volume of the grains over the volume that their first centres span")
@@ -157,7 +210,13 @@ class Cloud(Table):
 
 
 class Run(Table):
-    """How long, and which random numbers."""
+    """How long, and which random numbers.
+
+    Examples
+    --------
+    >>> Run(jumps=220, discard=20).seed
+    1
+    """
 
     jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
     duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
@@ -194,7 +253,18 @@ def _effects(value: Any) -> Any:
 
 
 class Basis(Table):
-    """What every scene has; `Scene` adds one table per effect."""
+    """What every scene has; `Scene` adds one table per effect.
+
+    Examples
+    --------
+    >>> scene = load("sand")
+    >>> isinstance(scene, Basis), scene.in_plane, scene.turns, scene.horizon
+    (True, False, True, 4400.0)
+    >>> scene.options("drag").law
+    'yen'
+    >>> scene.history_rule()
+    Exponential(order=3, rtol=1e-06)
+    """
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
     tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū, for effects = 'auto'; default 0.05")
@@ -228,7 +298,17 @@ class Basis(Table):
         return (self.dimensions or default) == 2
 
     def options(self, name: str) -> Any:
-        """The table of an effect: as given, the preset's, or the default."""
+        """The table of an effect: as given, the preset's, or the default.
+
+        Parameters
+        ----------
+        name : str
+            A key of `saltation.effects.EFFECTS`.
+
+        Returns
+        -------
+        Options of that effect
+        """
         given = getattr(self, name)
         if given is not None:
             return given
@@ -367,7 +447,18 @@ class Basis(Table):
         self.history_rule()
 
     def history_rule(self) -> Any:
-        """The rule of `basset` that a fixed-step scene names."""
+        """The rule of `basset` that a fixed-step scene names.
+
+        Returns
+        -------
+        basset.Rule
+            Its window in units of d/u*.
+
+        Raises
+        ------
+        ValueError
+            If the words name no rule, or do not belong together.
+        """
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
         try:
@@ -493,10 +584,24 @@ def _table(annotation: Any) -> Any:
 def scene_of(content: Any) -> Any:
     """A validated scene from a dictionary.
 
+    Parameters
+    ----------
+    content : mapping
+        Tables and fields as in a TOML file.
+
+    Returns
+    -------
+    Scene
+
     Raises
     ------
     SceneError
         With one sentence, if the scene is wrong.
+
+    Examples
+    --------
+    >>> scene_of({"effects": ["weight", "drag"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
+    ('weight', 'drag')
     """
     try:
         return Scene.model_validate(content)
@@ -507,7 +612,18 @@ def scene_of(content: Any) -> Any:
 
 
 def shipped() -> dict[str, Path]:
-    """The scenes that come with the package, by name."""
+    """The scenes that come with the package, by name.
+
+    Returns
+    -------
+    dict
+        Name -> Path.
+
+    Examples
+    --------
+    >>> "sand" in shipped()
+    True
+    """
     folder = Path(str(resources.files("saltation") / "scenes"))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
@@ -538,9 +654,22 @@ def read(path: str | Path) -> dict[str, Any]:
 def load(path: str | Path) -> Any:
     """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
 
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Scene
+
     Raises
     ------
     SceneError
         With one sentence, if the file is missing, is no TOML, or the scene is wrong.
+
+    Examples
+    --------
+    >>> load("sand").grain.diameter
+    0.00069
     """
     return scene_of(read(path))

@@ -17,6 +17,8 @@ from saltation.result import Result
 from saltation.scene import AUTO
 from saltation.workers import Here
 
+__all__ = ["run"]
+
 CHUNK = 4096  # steps between two visits of the caller
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from basset.kernels import Floats
 from saltation.cloud_result import CloudResult
 
+__all__ = ["Track", "meeting_places", "track"]
+
 KEPT, BED, MET = range(3)  # kinds of knots
 SAME = 1e-9  # d/u*: what lies closer is at one time
 AXES, SPEEDS = ("x", "y", "z"), ("u", "v", "w")

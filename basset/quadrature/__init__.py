@@ -18,7 +18,16 @@ __all__ = ["SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hins
 
 
 class UnknownSchemeError(KeyError, ValueError):
-    """A name that is not in `basset.SCHEMES`; both a KeyError and a ValueError."""
+    """A name that is not in `basset.SCHEMES`; both a KeyError and a ValueError.
+
+    Examples
+    --------
+    >>> try:
+    ...     SCHEMES["daiche"]
+    ... except KeyError as error:
+    ...     print("did you mean 'daitche'" in str(error))
+    True
+    """
 
     def __str__(self) -> str:
         return str(self.args[0])

@@ -48,6 +48,22 @@ class Rule(abc.ABC):
         Where the method was published.
     inputs : tuple of str
         What the samples may be: "rate" (g = df/dt) and, where the method has such a form, "slip" (f itself).
+
+    References
+    ----------
+    Each subclass names its own, in its docstring and as `references`.
+
+    Examples
+    --------
+    >>> from basset import Daitche
+    >>> rule = Daitche(order=2)
+    >>> rule.name, rule.error_order, rule.inputs
+    ('daitche', 3.0, ('rate', 'slip'))
+    >>> rule.weights(1, 4.0).round(12)  # one panel of 4 s: 2√4 in all
+    array([2.66666667, 1.33333333])
+    >>> plan = rule.plan(dt=0.1, horizon=1.0)
+    >>> plan.run(plan.start(), np.ones(11))[-1].round(12)  # f' = 1: 2√t
+    np.float64(2.0)
     """
 
     name: ClassVar[str]
@@ -56,7 +72,7 @@ class Rule(abc.ABC):
     @property
     @abc.abstractmethod
     def error_order(self) -> float:
-        """The exponent of dt in the error for a smooth rate."""
+        """The exponent of dt in the error for a smooth rate, dimensionless."""
 
     @property
     def inputs(self) -> tuple[str, ...]:

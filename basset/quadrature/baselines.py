@@ -31,7 +31,7 @@ class EulerMaclaurin(FullRule):
 
     @property
     def error_order(self) -> float:
-        """1/2."""
+        """1/2, dimensionless."""
         return 0.5
 
     @property
@@ -68,7 +68,7 @@ class Brush(FullRule):
 
     @property
     def error_order(self) -> float:
-        """1/2."""
+        """1/2, dimensionless."""
         return 0.5
 
     @property

@@ -23,7 +23,7 @@ class Exponential(Rule):
     ----------
     order : int
         Degree p, 1 to 10.
-    rtol : float
+    rtol : float, dimensionless
         Promised relative error of the kernel, 1e-14 to below 1.
 
     Raises
@@ -31,7 +31,9 @@ class Exponential(Rule):
     ValueError, TypeError
         If a parameter is out of range; when used, if no sum keeps the promise up to the horizon.
 
-    References: van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465 (recursion); Daitche (2013), J. Comput. Phys. 254,
+    References
+    ----------
+    van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465 (recursion); Daitche (2013), J. Comput. Phys. 254,
     93 (polynomials); Braess & Hackbusch (2005), IMA J. Numer. Anal. 25, 685 (sums).
 
     Examples

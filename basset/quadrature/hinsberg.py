@@ -60,7 +60,7 @@ class Hinsberg(Rule):
 
     @property
     def error_order(self) -> float:
-        """2."""
+        """2, dimensionless."""
         return 2.0
 
     @property

@@ -189,7 +189,9 @@ class Daitche(FullRule):
     ValueError, TypeError
         If the order is not a whole number from 1 to 10.
 
-    References: Daitche (2013), J. Comput. Phys. 254, 93; thesis eqs. 5-9 to 5-11.
+    References
+    ----------
+    Daitche (2013), J. Comput. Phys. 254, 93; thesis eqs. 5-9 to 5-11.
 
     Examples
     --------

@@ -59,7 +59,7 @@ class SemiDerivative(FullRule):
 
     @property
     def error_order(self) -> float:
-        """1."""
+        """1, dimensionless."""
         return 1.0
 
     @property

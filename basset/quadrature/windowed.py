@@ -54,7 +54,9 @@ class Windowed(Rule):
         If a parameter is of the wrong kind; when used, if the window is too short for the step or the tail is made for
         another kernel or range.
 
-    References: Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513 (T_back); Dorgan & Loth (2007), Int. J.
+    References
+    ----------
+    Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513 (T_back); Dorgan & Loth (2007), Int. J.
     Multiphase Flow 33, 833; van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465; thesis eqs. 5-12, 5-13.
 
     Examples
@@ -87,7 +89,7 @@ class Windowed(Rule):
 
     @property
     def error_order(self) -> float:
-        """That of the rule inside."""
+        """That of the rule inside, dimensionless."""
         return self.rule.error_order
 
     @property

@@ -50,6 +50,25 @@ class Path:
     """The solution as a function of time; at a jump its value is the one after it.
 
     Call it with a time or an array of times in the solved span: states (states,) or (states, times).
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        One per step, in the order of time.
+    final : ndarray (states,), units of the states
+        The state at the end.
+
+    Attributes
+    ----------
+    t_min, t_max : float, seconds
+        The solved span.
+
+    Examples
+    --------
+    >>> import basset
+    >>> r = basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=0.0, dense_output=True)
+    >>> r.sol(np.array([0.0, 1.0])).round(4)
+    array([[1.    , 0.3679]])
     """
 
     def __init__(self, pieces: Sequence[Piece], final: Floats) -> None:
@@ -59,7 +78,22 @@ class Path:
         self.t_max = pieces[-1].end if pieces else math.nan
 
     def __call__(self, t: ArrayLike) -> Floats:
-        """States (states, *shape of t) at times `t` in seconds; ValueError outside the solved span."""
+        """States at given times.
+
+        Parameters
+        ----------
+        t : array_like (...), seconds
+            Within the solved span.
+
+        Returns
+        -------
+        ndarray (states, ...), units of the states
+
+        Raises
+        ------
+        ValueError
+            Outside the solved span.
+        """
         times = _converted("t", t)
         flat = times.ravel()
         slack = 1e-12 * (self.t_max - self.t_min)
@@ -82,11 +116,11 @@ class Solution:
     ----------
     t : ndarray (n_times,)
         Times, s. Without `t_eval` every step's end; the time of a jump appears twice, before and after.
-    y : ndarray (n_states, n_times)
+    y : ndarray (n_states, n_times), units of the states
     sol : Path or None
         The solution as a function of time, with `dense_output=True`.
     t_events, y_events : list of ndarray
-        Times (k,) and states before any jump (k, n_states) of each event.
+        Times (k,), s, and states before any jump (k, n_states), of each event.
     nfev, nsteps : int
         Evaluations of `fun`; accepted steps.
     status : int
@@ -95,6 +129,13 @@ class Solution:
         The status in words.
     success : bool
         Whether status ≥ 0.
+
+    Examples
+    --------
+    >>> import basset
+    >>> r = basset.solve(lambda t, y: [-1.0], (0.0, 2.0), [1.0], coefficient=0.0, t_eval=[0.5, 1.5])
+    >>> r.success, r.t, r.y.round(12)
+    (True, array([0.5, 1.5]), array([[ 0.5, -0.5]]))
     """
 
     t: Floats
@@ -193,7 +234,18 @@ class Trace:
 
 
 class Method(abc.ABC):
-    """A way to integrate an equation with memory; subclasses are frozen dataclasses of parameters."""
+    """A way to integrate an equation with memory; subclasses are frozen dataclasses of parameters.
+
+    References
+    ----------
+    Each subclass names its own, in its docstring and as `references`.
+
+    Examples
+    --------
+    >>> import basset
+    >>> all(isinstance(method, Method) for method in (basset.Collocation(), basset.FixedStep(0.1), basset.RungeKutta4(0.1)))
+    True
+    """
 
     references: ClassVar[tuple[str, ...]]
 
@@ -313,7 +365,7 @@ def solve(
         fun(t, y, *args) -> rates (n_states,) without the history.
     t_span : (float, float), seconds
         Start and end, rising.
-    y0 : array_like (n_states,)
+    y0 : array_like (n_states,), units of the states
         State at the start. The components in `memory` are slips: velocities relative to the fluid.
     memory : sequence of int
         Which components remember and feel −coefficient·H of themselves.
@@ -321,13 +373,13 @@ def solve(
         0 or greater.
     kernel : Kernel
         What is remembered.
-    initial_slip : array_like (len(memory),) or None
+    initial_slip : array_like (len(memory),) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
         Further arguments of fun, events and jumps.
     method : Method or None
         Collocation(rtol=1e-6) by default; FixedStep(dt, rule); RungeKutta4(dt, rule).
-    t_eval : array_like or None, seconds
+    t_eval : array_like (n_times,) or None, seconds
         Times at which to give the solution; None: the ends of the steps.
     events : callable or list of callables, or None
         event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool), `direction` (−1, 0, 1)
@@ -347,6 +399,11 @@ def solve(
     ValueError, TypeError
         One sentence that names the argument. What goes wrong on the way (NaN from fun, steps too small) is a status.
 
+    References
+    ----------
+    Maxey & Riley (1983), Phys. Fluids 26, 883, for the equation of a sphere; thesis eq. 5-1. The jumps: this library. The
+    integration: `method.references`.
+
     Examples
     --------
     A sphere that starts with slip 1 and relaxes, against the closed form:
@@ -355,6 +412,9 @@ def solve(
     >>> r = basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, method=basset.Collocation(rtol=1e-8))
     >>> r.message
     'The solver reached the end of the time span.'
+    >>> from basset import reference
+    >>> bool(abs(r.y[0, -1] - reference.relaxing(4.0, 1.0, 0.6)) < 1e-8)
+    True
     """
     from basset.solvers.collocation import Collocation
 

@@ -22,12 +22,17 @@ class Collocation(Method):
 
     Parameters
     ----------
-    rtol, atol : float
+    rtol, atol : float, dimensionless and in the unit of y; atol None: rtol/1000
         Tolerances of the local error, per component: atol + rtol·|y|. rtol 1e-12 to 0.1.
     stages : int or None
         Radau nodes per step, 2 to 14; None: chosen from rtol.
     max_step : float or None, seconds
         The largest step; None: the time span.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is out of range.
 
     Notes
     -----
@@ -37,13 +42,18 @@ class Collocation(Method):
     drag is no obstacle. A compiled `fun` (numba.njit, returning an array) runs without Python from step to step; event
     functions are called from Python after each step.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is out of range.
-
-    References: Brunner (2004), Collocation Methods for Volterra Integral and Related Functional Differential Equations
+    References
+    ----------
+    Brunner (2004), Collocation Methods for Volterra Integral and Related Functional Differential Equations
     (graded meshes); Hairer & Wanner (1996), Solving Ordinary Differential Equations II (Radau IIA).
+
+    Examples
+    --------
+    >>> import basset
+    >>> from basset import reference
+    >>> r = basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=0.6, method=Collocation(rtol=1e-6))
+    >>> bool(abs(r.y[0, -1] - reference.relaxing(1.0, 1.0, 0.6)) < 1e-6)
+    True
     """
 
     rtol: float = 1e-6

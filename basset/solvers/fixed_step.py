@@ -206,7 +206,17 @@ class FixedStep(_Grid):
     ValueError, TypeError
         If a parameter is out of range.
 
-    References: Daitche (2013), J. Comput. Phys. 254, 93; van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465.
+    References
+    ----------
+    Daitche (2013), J. Comput. Phys. 254, 93; van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465.
+
+    Examples
+    --------
+    >>> import basset
+    >>> from basset import reference
+    >>> r = basset.solve(lambda t, y: 1.0 - y, (0.0, 1.0), [0.0], coefficient=0.6, method=FixedStep(0.01, basset.Daitche(2)))
+    >>> bool(abs(r.y[0, -1] - reference.settling(1.0, 1.0, 0.6, gravity=-1.0)) < 1e-3)
+    True
     """
 
     dt: float
@@ -373,7 +383,17 @@ class RungeKutta4(_Grid):
     ValueError, TypeError
         If a parameter is out of range.
 
-    References: Moreno-Casas (2014, the thesis), section 3.3; Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513.
+    References
+    ----------
+    Moreno-Casas (2014, the thesis), section 3.3; Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513.
+
+    Examples
+    --------
+    >>> import basset
+    >>> from basset import reference
+    >>> r = basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=0.6, method=RungeKutta4(0.01))
+    >>> bool(abs(r.y[0, -1] - reference.relaxing(1.0, 1.0, 0.6)) < 0.02)
+    True
     """
 
     dt: float

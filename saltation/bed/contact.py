@@ -16,6 +16,8 @@ import math
 from basset._compile import shared
 from saltation.grain import Triple
 
+__all__ = ["impulse", "strike_bed", "strike_pair"]
+
 Struck = tuple[float, float, float, float, float, float, float, float, float]  # velocity and spin after, impulse
 
 
@@ -23,18 +25,34 @@ Struck = tuple[float, float, float, float, float, float, float, float, float]  #
 def impulse(
     nx: float, ny: float, nz: float, vx: float, vy: float, vz: float, restitution: float, friction: float, mass: float, tangential_mass: float
 ) -> Triple:
-    """Impulse J on the grain (x, y, z), zero where the surfaces separate.
+    """Impulse J on the grain, zero where the surfaces separate.
 
     Parameters
     ----------
-    nx, ny, nz : float
+    nx, ny, nz : float, dimensionless
         Unit normal from the grain to the contact.
-    vx, vy, vz : float
-        Contact slip V.
-    restitution, friction : float
+    vx, vy, vz : float, V
+        Contact slip.
+    restitution, friction : float, dimensionless
         e and Coulomb's f.
-    mass, tangential_mass : float
-        m_e and m_t.
+    mass, tangential_mass : float, dry masses
+        m_e and m_t; dimensionless.
+
+    Returns
+    -------
+    (float, float, float), V × dry mass
+        x, y, z.
+
+    References
+    ----------
+    Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5.
+
+    Examples
+    --------
+    >>> impulse(0.0, 0.0, -1.0, 4.0, 0.0, -2.0, 0.5, 0.1, 1.0, 2.0 / 7.0)  # slides: (1 + e) m V_n up, a tenth of it back
+    (-0.30000000000000004, 0.0, 3.0)
+    >>> impulse(0.0, 0.0, -1.0, 4.0, 0.0, 2.0, 0.5, 0.1, 1.0, 2.0 / 7.0)  # separates
+    (0.0, 0.0, 0.0)
     """
     normal = vx * nx + vy * ny + vz * nz
     if not normal > 0.0:
@@ -58,17 +76,37 @@ def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> T
 def strike_bed(
     nx: float, ny: float, nz: float, ux: float, uy: float, uz: float, ox: float, oy: float, oz: float, restitution: float, friction: float, added: float
 ) -> Struck:
-    """A grain against the bed: velocity and spin after, and the impulse on the grain, nine numbers.
+    """A grain against the bed: velocity and spin after, and the impulse on the grain.
 
     Parameters
     ----------
-    nx, ny, nz : float
+    nx, ny, nz : float, dimensionless
         Unit normal into the water.
-    ux … uz, ox … oz : float
-        Velocity (V) and spin (V/d) before.
-    restitution, friction : float
-    added : float
+    ux, uy, uz : float, V
+        Velocity before.
+    ox, oy, oz : float, V/d
+        Spin before.
+    restitution, friction : float, dimensionless
+        e and Coulomb's f.
+    added : float, dimensionless
         Effective over dry mass: 1, or 1 + C_m/(1 + R) for immersed contact. The impulse is in units of the dry mass.
+
+    Returns
+    -------
+    nine floats
+        Velocity (V), spin (V/d), impulse (V × dry mass), three each.
+
+    References
+    ----------
+    Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5; thesis appendix 3-B, its signs corrected.
+
+    Examples
+    --------
+    >>> strike_bed(0.0, 0.0, 1.0, 3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.0)[:3]  # smooth: only the normal velocity turns
+    (3.0, 0.0, 1.0)
+    >>> after = strike_bed(0.0, 0.0, 1.0, 3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.5, 10.0, 1.0)  # rough: it rolls off
+    >>> abs(after[0] - 0.5 * after[4]) < 1e-12
+    True
     """
     wx, wy, wz = cross(0.5 * ox, 0.5 * oy, 0.5 * oz, -nx, -ny, -nz)
     jx, jy, jz = impulse(-nx, -ny, -nz, ux + wx, uy + wy, uz + wz, restitution, friction, added, added / (1.0 + 2.5 * added))
@@ -90,17 +128,34 @@ def strike_pair(
     restitution: float,
     friction: float,
 ) -> tuple[Triple, Triple, Triple, Triple, Triple]:
-    """Two grains in contact: velocities and spins after, and the impulse on the first, five triples.
+    """Two grains in contact: velocities and spins after, and the impulse on the first.
 
     Parameters
     ----------
-    nx, ny, nz : float
+    nx, ny, nz : float, dimensionless
         Unit normal from the first to the second grain.
     first, second, spin_first, spin_second : (float, float, float)
         Velocities (V) and spins (V/d) before.
     radii, masses : (float, float)
         In d and in dry masses; the moments of inertia are (2/5) m a².
-    restitution, friction : float
+    restitution, friction : float, dimensionless
+        e and Coulomb's f.
+
+    Returns
+    -------
+    five triples
+        Velocities (V) and spins (V/d) of the first and the second grain after; impulse on the first (V × dry mass).
+
+    References
+    ----------
+    Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5.
+
+    Examples
+    --------
+    >>> still, half, one = (0.0, 0.0, 0.0), (0.5, 0.5), (1.0, 1.0)
+    >>> after = strike_pair(1.0, 0.0, 0.0, (2.0, 0.0, 0.0), still, still, still, half, one, 1.0, 0.0)  # elastic: they swap velocities
+    >>> after[0], after[1]
+    ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     """
     mass = masses[0] * masses[1] / (masses[0] + masses[1])
     sx = radii[0] * spin_first[0] + radii[1] * spin_second[0]

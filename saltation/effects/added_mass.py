@@ -14,20 +14,39 @@ from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
 from saltation.grain import Triple
 
+__all__ = ["Options", "Remainder"]
+
 NAME = "added_mass"
 SOURCE = "thesis (3-1); Auton, Hunt & Prud'homme (1988), J. Fluid Mech. 197, 241"
 VALID = "far from the wall"
 
 
 class Options(Table):
-    """The coefficient, and which form."""
+    """The coefficient, and which form.
+
+    Examples
+    --------
+    >>> Options(form="auton").coefficient
+    0.5
+    """
 
     coefficient: float = Field(0.5, ge=0.0, description="C_m, dimensionless")
     form: Literal["thesis", "auton"] = Field("thesis", description="with the remainder C_m w du_f/dz, or without")
 
 
 class Remainder(NamedTuple):
-    """C_m w u_f'."""
+    """C_m w u_f'.
+
+    Attributes
+    ----------
+    coefficient : float, dimensionless
+        C_m.
+
+    Examples
+    --------
+    >>> Remainder(0.5).force(Situation(1.0, 0.0, 0.0, 2.0, 6.0, 3.0, 0.0, 0.0, 0.0))
+    (3.0, 0.0, 0.0)
+    """
 
     coefficient: float
 

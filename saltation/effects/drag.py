@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 from pydantic import Field
 
@@ -12,13 +12,51 @@ from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
 from saltation.grain import Numbers, Triple
 
+__all__ = ["Drag", "EngelundHansen", "Law", "Options", "Rubey", "SchillerNaumann", "Stokes", "TurtonLevenspiel", "Yen"]
+
 NAME = "drag"
 SOURCE = "thesis (3-1); laws as named"
 VALID = "see each law's range of Re = |u_r| d/ν"
 
 
+class Law(Protocol):
+    """What a law of drag has: `factor`, and `largest`, the Reynolds number up to which it is meant.
+
+    Examples
+    --------
+    >>> all(abs(law.factor(1e-9) - 1.0) < 1e-4 for law in LAWS.values())  # all are Stokes's at last
+    True
+    """
+
+    def factor(self, reynolds: float) -> float:
+        """How many times Stokes's drag.
+
+        Parameters
+        ----------
+        reynolds : float, dimensionless
+            Re = |u_r| d/ν, 0 or greater.
+
+        Returns
+        -------
+        float, dimensionless
+            φ = C_D Re/24.
+        """
+        ...
+
+
 class Stokes(NamedTuple):
-    """φ = 1: creeping flow, Re below about 0.1. Stokes (1851)."""
+    """φ = 1: creeping flow, Re below about 0.1. Stokes (1851).
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> Stokes(0.1).factor(50.0)
+    1.0
+    """
 
     largest: float
 
@@ -28,7 +66,18 @@ class Stokes(NamedTuple):
 
 
 class Yen(NamedTuple):
-    """C_D = 24/Re (1 + 0.15 √Re + 0.017 Re) − 0.208/(1 + 10⁴ Re^(−1/2)). Yen (1992), thesis (4-4)."""
+    """C_D = 24/Re (1 + 0.15 √Re + 0.017 Re) − 0.208/(1 + 10⁴ Re^(−1/2)). Yen (1992), thesis (4-4).
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> round(Yen(2e5).factor(100.0) * 24.0 / 100.0, 3)  # C_D
+    1.007
+    """
 
     largest: float
 
@@ -39,7 +88,18 @@ class Yen(NamedTuple):
 
 
 class SchillerNaumann(NamedTuple):
-    """C_D = 24/Re (1 + 0.15 Re^0.687) up to the Re where it has fallen to 0.44, and 0.44 beyond. Schiller & Naumann (1933)."""
+    """C_D = 24/Re (1 + 0.15 Re^0.687) up to the Re where it has fallen to 0.44, and 0.44 beyond. Schiller & Naumann (1933).
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> round(SchillerNaumann(2e5).factor(1e5) * 24.0 / 1e5, 12)  # C_D
+    0.44
+    """
 
     largest: float
 
@@ -50,7 +110,18 @@ class SchillerNaumann(NamedTuple):
 
 
 class Rubey(NamedTuple):
-    """C_D = 24/Re + 2. Rubey (1933)."""
+    """C_D = 24/Re + 2. Rubey (1933).
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> Rubey(2e5).factor(48.0) * 24.0 / 48.0  # C_D
+    2.5
+    """
 
     largest: float
 
@@ -60,7 +131,18 @@ class Rubey(NamedTuple):
 
 
 class EngelundHansen(NamedTuple):
-    """C_D = 24/Re + 1.5. Engelund & Hansen (1967), natural sand."""
+    """C_D = 24/Re + 1.5. Engelund & Hansen (1967), natural sand.
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> EngelundHansen(2e5).factor(48.0) * 24.0 / 48.0  # C_D
+    2.0
+    """
 
     largest: float
 
@@ -70,7 +152,18 @@ class EngelundHansen(NamedTuple):
 
 
 class TurtonLevenspiel(NamedTuple):
-    """C_D = 24/Re (1 + 0.173 Re^0.657) + 0.413/(1 + 16300 Re^(−1.09)). Turton & Levenspiel (1986)."""
+    """C_D = 24/Re (1 + 0.173 Re^0.657) + 0.413/(1 + 16300 Re^(−1.09)). Turton & Levenspiel (1986).
+
+    Attributes
+    ----------
+    largest : float, dimensionless
+        Re up to which the law is meant.
+
+    Examples
+    --------
+    >>> round(TurtonLevenspiel(2e5).factor(100.0) * 24.0 / 100.0, 2)  # C_D
+    1.1
+    """
 
     largest: float
 
@@ -92,13 +185,37 @@ factor = method("factor", 1)
 
 
 class Options(Table):
-    """The law of the drag coefficient."""
+    """The law of the drag coefficient.
+
+    Examples
+    --------
+    >>> Options().law
+    'yen'
+    """
 
     law: Literal["stokes", "yen", "schiller_naumann", "rubey", "engelund_hansen", "turton_levenspiel"] = Field("yen", description="drag law")
 
 
 class Drag(NamedTuple):
-    """−(18/Re*) φ(|u_r| Re*) u_r."""
+    """−(18/Re*) φ(|u_r| Re*) u_r.
+
+    Attributes
+    ----------
+    law : Law
+    rate : float, dimensionless
+        18/Re*.
+    reynolds : float, dimensionless
+        Re*.
+
+    References
+    ----------
+    Thesis (3-1); each law names its own.
+
+    Examples
+    --------
+    >>> Drag(Stokes(0.1), 0.5, 36.0).force(Situation(1.0, -2.0, 0.0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0))
+    (1.0, -0.0, -0.5)
+    """
 
     law: Any
     rate: float

@@ -9,13 +9,21 @@ from pydantic import Field
 from saltation._tables import Table
 from saltation.effects.base import Setting
 
+__all__ = ["Options"]
+
 NAME = "encounters"
 SOURCE = "Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5; thesis section 4.2"
 VALID = "contacts of two at a time, without the liquid that is squeezed out between them"
 
 
 class Options(Table):
-    """The contact of two grains."""
+    """The contact of two grains.
+
+    Examples
+    --------
+    >>> Options().restitution, Options().friction
+    (0.65, 0.1)
+    """
 
     restitution: float = Field(0.65, ge=0.0, le=1.0, description="e, dimensionless")
     friction: float = Field(0.1, ge=0.0, description="Coulomb's f, dimensionless")

@@ -15,6 +15,8 @@ from saltation._tables import Table
 from saltation.effects.base import Setting
 from saltation.grain import Numbers
 
+__all__ = ["Options"]
+
 NAME = "history"
 SOURCE = "Basset (1888); Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833; thesis (3-1), (5-3)"
 VALID = "creeping flow far from walls; at Re around 50 an extrapolation"
@@ -22,7 +24,13 @@ KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
 
 
 class Options(Table):
-    """Kernel, scheme, and what is remembered at a rebound."""
+    """Kernel, scheme, and what is remembered at a rebound.
+
+    Examples
+    --------
+    >>> Options().rebound, Options().kernel, Options().scheme
+    ('impulse', 'basset', 'exponential')
+    """
 
     rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="what the memory does at an impact")
     kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")

@@ -11,19 +11,47 @@ from saltation.effects.base import Setting, Situation
 from saltation.flow import both
 from saltation.grain import Triple
 
+__all__ = ["Lift", "Options"]
+
 NAME = "lift"
 SOURCE = "Wiberg & Smith (1985), J. Geophys. Res. 90, 7341; thesis (3-2)"
 VALID = "near the bed; the stream vanishes at and below the bed level, which the bottom point can reach"
 
 
 class Options(Table):
-    """The lift coefficient."""
+    """The lift coefficient.
+
+    Examples
+    --------
+    >>> Options().coefficient
+    0.2
+    """
 
     coefficient: float = Field(0.2, ge=0.0, le=1.0, description="C_L, dimensionless")
 
 
 class Lift(NamedTuple):
-    """¾ C_L (u_b − u_t)(2u − u_t − u_b), u_t and u_b the stream half a diameter above and below: no cancellation."""
+    """¾ C_L (u_b − u_t)(2u − u_t − u_b), u_t and u_b the stream half a diameter above and below: no cancellation.
+
+    Attributes
+    ----------
+    strength : float, dimensionless
+        ¾ C_L.
+    profile : profile of `saltation.flow`
+
+    References
+    ----------
+    Wiberg & Smith (1985), J. Geophys. Res. 90, 7341; thesis (3-2).
+
+    Examples
+    --------
+    >>> from saltation.flow import LogLaw
+    >>> stream, lift = LogLaw(1.0, 0.4, 8.5), Lift(0.15, LogLaw(1.0, 0.4, 8.5))
+    >>> top, bottom = (stream.both(z)[0] for z in (1.5, 0.5))
+    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.5, 0.0, 0.0, 0.0)  # at a speed of 4
+    >>> abs(lift.force(here)[2] - 0.15 * ((4.0 - top) ** 2 - (4.0 - bottom) ** 2)) < 1e-12
+    True
+    """
 
     strength: float
     profile: Any

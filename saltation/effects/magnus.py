@@ -10,19 +10,43 @@ from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
 from saltation.grain import Triple
 
+__all__ = ["Options", "Vector", "Vertical"]
+
 NAME = "magnus"
 SOURCE = "Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2)"
 VALID = "derived for small Re; used beyond"
 
 
 class Options(Table):
-    """All components, or the thesis's choice."""
+    """All components, or the thesis's choice.
+
+    Examples
+    --------
+    >>> Options().form
+    'vertical'
+    """
 
     form: Literal["vertical", "vector"] = Field("vertical", description="the component normal to the bed only (thesis), or the whole vector")
 
 
 class Vertical(NamedTuple):
-    """¾ (u_f − u)(ω_y − ½ u_f') upwards."""
+    """¾ (u_f − u)(ω_y − ½ u_f') upwards.
+
+    Attributes
+    ----------
+    strength : float, dimensionless
+        ¾.
+
+    References
+    ----------
+    Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2).
+
+    Examples
+    --------
+    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.0, 0.0, 5.0, 0.0)  # spins faster than the stream turns, and lags behind it
+    >>> Vertical(0.75).force(here)
+    (0.0, 0.0, 6.0)
+    """
 
     strength: float
 
@@ -32,7 +56,23 @@ class Vertical(NamedTuple):
 
 
 class Vector(NamedTuple):
-    """¾ ω_r × u_r."""
+    """¾ ω_r × u_r.
+
+    Attributes
+    ----------
+    strength : float, dimensionless
+        ¾.
+
+    References
+    ----------
+    Rubinow & Keller (1961), J. Fluid Mech. 11, 447.
+
+    Examples
+    --------
+    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.0, 0.0, 5.0, 0.0)
+    >>> Vector(0.75).force(here) == Vertical(0.75).force(here)  # without slip across and along the normal
+    True
+    """
 
     strength: float
 

@@ -16,13 +16,21 @@ from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
 from saltation.grain import Numbers, Triple
 
+__all__ = ["Options", "Yamamoto", "friction_of", "prescribed_spin"]
+
 NAME = "rotation"
 SOURCE = "Yamamoto et al. (2001), J. Fluid Mech. 442, 303; Niño & García (1994) for the prescribed spin, thesis (3-6)"
 VALID = "the prescribed spin: R_p 60 to 90, T below about 3"
 
 
 class Options(Table):
-    """Which law, and whether ρ/ρ_s is in it."""
+    """Which law, and whether ρ/ρ_s is in it.
+
+    Examples
+    --------
+    >>> Options().law, Options().density_ratio
+    ('yamamoto', True)
+    """
 
     law: Literal["yamamoto", "prescribed"] = Field("yamamoto", description="the torque of thesis (3-4), or ω_y = 5.11 − 1.13 T (3-6)")
     density_ratio: bool = Field(True, description="divide the torque by ρ_s/ρ; false: as printed in the thesis")
@@ -34,6 +42,24 @@ def friction_of(number: float) -> float:
 
     The pieces meet with jumps of up to 0.8 %, which no integrator of high order passes cheaply: within a quarter of each
     meeting point they are joined smoothly (by less than half the jump).
+
+    Parameters
+    ----------
+    number : float, dimensionless
+        Re_r = |ω_r| Re*/4.
+
+    Returns
+    -------
+    float, dimensionless
+
+    References
+    ----------
+    Yamamoto et al. (2001), J. Fluid Mech. 442, 303; the joints: this library.
+
+    Examples
+    --------
+    >>> friction_of(0.0) == 16.0 * math.pi  # creeping flow
+    True
     """
     root = math.sqrt(number)
     value = 16.0 * math.pi
@@ -55,7 +81,24 @@ def joined(below: float, above: float, place: float) -> float:
 
 
 class Yamamoto(NamedTuple):
-    """Viscous torque on a sphere."""
+    """Viscous torque on a sphere.
+
+    Attributes
+    ----------
+    rate : float, dimensionless
+        (15/16π)(4/Re*), over ρ_s/ρ.
+    quarter : float, dimensionless
+        Re*/4.
+
+    References
+    ----------
+    Yamamoto et al. (2001), J. Fluid Mech. 442, 303; thesis (3-4).
+
+    Examples
+    --------
+    >>> Yamamoto(0.1, 10.0).torque(Situation(1.0, 0.0, 0.0, 0.0, 6.0, 4.0, 0.0, 2.0, 0.0))[1]  # turns with the stream: no torque
+    -0.0
+    """
 
     rate: float  # (15/16π)(4/Re*), over ρ_s/ρ
     quarter: float  # Re*/4
@@ -78,7 +121,26 @@ def build(options: Options, setting: Setting) -> Yamamoto | None:
 
 
 def prescribed_spin(stage: float) -> float:
-    """ω_y d/u* = 5.11 − 1.13 T, thesis (3-6)."""
+    """ω_y d/u* = 5.11 − 1.13 T, thesis (3-6).
+
+    Parameters
+    ----------
+    stage : float, dimensionless
+        T.
+
+    Returns
+    -------
+    float, u*/d
+
+    References
+    ----------
+    Niño & García (1994); thesis (3-6).
+
+    Examples
+    --------
+    >>> prescribed_spin(2.0)
+    2.85
+    """
     return 5.11 - 1.13 * stage
 
 

@@ -9,17 +9,40 @@ from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
 from saltation.grain import Triple
 
+__all__ = ["Options", "Weight"]
+
 NAME = "weight"
 SOURCE = "thesis (3-1), (3-2)"
 VALID = "always"
 
 
 class Options(Table):
-    """Nothing to choose; the slope is the channel's."""
+    """Nothing to choose; the slope is the channel's.
+
+    Examples
+    --------
+    >>> Options().model_dump()
+    {}
+    """
 
 
 class Weight(NamedTuple):
-    """Constant force along and normal to the bed."""
+    """Constant force along and normal to the bed.
+
+    Attributes
+    ----------
+    along, normal : float, dimensionless
+        sin θ/τ* and cos θ/τ*.
+
+    References
+    ----------
+    Thesis (3-1), (3-2).
+
+    Examples
+    --------
+    >>> Weight(0.5, 30.0).force(Situation(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    (0.5, 0.0, -30.0)
+    """
 
     along: float
     normal: float

@@ -1,0 +1,217 @@
+"""Every public docstring: parameters, shapes, units, errors raised, an example that runs as a doctest, and a source for every formula."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import textwrap
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import pydantic
+import pytest
+
+from saltation.bed import rebound
+from saltation.effects import base, drag
+
+# what users import; the machinery of a run (`saltation.flight` and its like) and the commands are not among it
+MODULES = [
+    *("basset", "basset.advice", "basset.comparison", "basset.evaluate", "basset.exponentials", "basset.finite_reynolds", "basset.kernels"),
+    *("basset.measure", "basset.problems", "basset.quadrature", "basset.reference", "basset.samples", "basset.solvers", "basset.spectrum"),
+    *("basset.streaming", "saltation", "saltation.advice", "saltation.advice_plots", "saltation.animation", "saltation.bed.contact"),
+    *("saltation.bed.rebound", "saltation.bed.roughness", "saltation.campaigns", "saltation.checks", "saltation.cloud_plots"),
+    *("saltation.cloud_result", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
+    *("saltation.effects.history", "saltation.effects.lift", "saltation.effects.magnus", "saltation.effects.rotation", "saltation.effects.weight"),
+    *("saltation.flow", "saltation.grain", "saltation.grains", "saltation.highlights", "saltation.plots", "saltation.presets"),
+    *("saltation.regressions", "saltation.result", "saltation.scene", "saltation.simulation", "saltation.statistics", "saltation.tracks"),
+    "saltation.workers",
+]
+SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "References", "Examples")
+NUMBER = re.compile(r"\b(float|complex|ArrayLike|Floats|Array|NDArray|ndarray|DataFrame|Dataset|Triple)\b")
+ARRAY = re.compile(r"\b(ArrayLike|Floats|Array|NDArray|ndarray)\b")
+SHAPE = re.compile(r"\([^()]*\)|\bshapes?\b|\bscalar\b|\bnumber\b")
+UNIT = re.compile(
+    r"\bunits?\b|\bdimensionless\b|\bseconds?\b|\bmilliseconds\b|\b(m|s|d|V|mm|kg|rad|ms)\b|[u/]\*|°|\bdegrees?\b|\bradians?\b|\bper cent\b|\bpixels\b|\bbytes\b|\binches\b"
+)
+FORMULA = re.compile("[∫√∑Σπ∂]|[²³*·)]\\^\\(|= .*\\^")
+SOURCE = re.compile(r"\((?:18|19|20)\d\d|\b(?:18|19|20)\d\d\b\)?|[Tt]hesis|[Tt]his library|Abramowitz")
+
+
+PROTOCOLS = (base.Force, base.Torque, drag.Law, rebound.Rebound)
+
+
+class Name(NamedTuple):
+    """A public function, class or method, with the classes it may inherit its documentation from."""
+
+    path: str
+    thing: Any
+    owner: type | None
+    module: ModuleType
+
+    @property
+    def docs(self) -> list[str]:
+        """Its docstring and, for a method, those that it overrides or whose protocol it follows."""
+        if self.owner is None:
+            return [inspect.cleandoc(self.thing.__doc__ or "")]
+        name = self.path.rpartition(".")[2]
+        found = [vars(kind)[name] for kind in (*self.owner.__mro__, *PROTOCOLS) if name in vars(kind)]
+        return [inspect.cleandoc(one.__doc__ or "") for one in found]
+
+    @property
+    def sections(self) -> dict[str, str]:
+        """Sections by name; what an override does not say is as in the method it overrides."""
+        merged: dict[str, str] = {}
+        for doc in reversed(self.docs):
+            merged |= split(doc)
+        return merged
+
+
+def split(doc: str) -> dict[str, str]:
+    """The sections of a numpydoc docstring; what comes before the first one under the empty name."""
+    pieces = re.split(rf"^({'|'.join(SECTIONS)})\n-{{3,}}\n", doc, flags=re.MULTILINE)
+    return {"": pieces[0], **dict(zip(pieces[1::2], pieces[2::2], strict=True))}
+
+
+def entries(section: str) -> dict[str, str]:
+    """What a section of parameters says of each name; several names may share an entry."""
+    found: dict[str, str] = {}
+    for block in re.split(r"^(?=\S)", section, flags=re.MULTILINE):
+        names = re.match(r"[*\w, …]+", block)
+        for name in re.findall(r"\w+", names[0]) if names else ():
+            found.setdefault(name, block)
+    return found
+
+
+def public(module: ModuleType) -> Iterator[Name]:
+    """Functions and classes of `__all__`, or those that the module defines under a name without underscore, and their methods."""
+    listed = getattr(module, "__all__", None)
+    names = listed if listed is not None else [name for name in vars(module) if not name.startswith("_")]
+    for name in names:
+        thing = inspect.unwrap(vars(module)[name]) if callable(vars(module)[name]) else vars(module)[name]
+        if not (inspect.isclass(thing) or inspect.isfunction(thing)) or (listed is None and thing.__module__ != module.__name__):
+            continue
+        home = importlib.import_module(thing.__module__)
+        yield Name(f"{thing.__module__}.{name}", thing, None, home)
+        for member, value in list(vars(thing).items()) if inspect.isclass(thing) else ():
+            function = getattr(value, "__func__", value)
+            if (not member.startswith("_") or member == "__call__") and (inspect.isfunction(function) or isinstance(value, property)):
+                yield Name(f"{thing.__module__}.{name}.{member}", value if isinstance(value, property) else function, thing, home)
+
+
+NAMES = list({name.path: name for module in MODULES for name in public(importlib.import_module(module))}.values())
+CALLABLES = [name for name in NAMES if not isinstance(name.thing, property)]
+
+
+def over(names: list[Name]) -> Callable[[Any], Any]:
+    return pytest.mark.parametrize("name", names, ids=[name.path for name in names])
+
+
+def arguments(name: Name) -> dict[str, str]:
+    """Parameter -> annotation, as written; the fields of a class that says so itself (tables of a scene describe each field)."""
+    if inspect.isclass(name.thing) and issubclass(name.thing, (pydantic.BaseModel, BaseException)):
+        return {}
+    try:
+        found = inspect.signature(name.thing).parameters.values()
+    except ValueError:
+        return {}
+    return {each.name: str(each.annotation) for each in found if each.name not in ("self", "cls") and not each.name.startswith("_")}
+
+
+def raised(name: Name) -> set[str]:
+    """Names of the errors in the `raise` statements of a body, and those of the checks it calls."""
+    bodies = [name.thing]
+    if inspect.isclass(name.thing):
+        bodies = [vars(name.thing)[each] for each in ("__init__", "__post_init__", "__new__") if inspect.isfunction(vars(name.thing).get(each))]
+        bodies = [body for body in bodies if body.__code__.co_filename == name.module.__file__]
+    found = set()
+    for body in bodies:
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(getattr(body, "fget", None) or body)))):
+            if isinstance(node, ast.Raise) and node.exc is not None:
+                found.add(ast.unparse(node.exc.func if isinstance(node.exc, ast.Call) else node.exc).rpartition(".")[2])
+            elif isinstance(node, ast.Call) and re.fullmatch(r"_validate\.(?!shown|suggestion)\w+", ast.unparse(node.func)):
+                found |= {"ValueError", "TypeError"}
+    return {error for error in found if error[0].isupper()} - {"NotImplementedError", "AssertionError"}
+
+
+def test_the_names_of_the_packages_are_among_them():
+    import basset
+    import saltation
+
+    paths = {id(name.thing) for name in NAMES}
+    wanted = [getattr(package, name) for package in (basset, saltation) for name in package.__all__ if name != "SCHEMES"]
+    assert all(id(thing) in paths for thing in wanted)
+    assert len(NAMES) > 300
+
+
+@over(NAMES)
+def test_says_what_it_is(name):
+    assert name.docs[0].strip()
+    assert not name.docs[0].startswith(f"{name.thing.__name__}(" if not isinstance(name.thing, property) else "(property)")  # a dataclass's own
+
+
+@over(CALLABLES)
+def test_every_parameter_is_documented_with_its_shape_and_unit(name):
+    sections = name.sections
+    given = arguments(name)
+    told = (entries(sections.get("Attributes", "")) if inspect.isclass(name.thing) else {}) | entries(sections.get("Parameters", ""))
+    assert [each for each in given if each not in told] == []
+    if not inspect.isclass(name.thing):
+        assert [each for each in entries(sections.get("Parameters", "")) if each not in given] == []
+    assert [each for each, kind in given.items() if NUMBER.search(kind) and not UNIT.search(told[each])] == []
+    assert [each for each, kind in given.items() if ARRAY.search(kind) and not SHAPE.search(told[each])] == []
+
+
+@over([name for name in CALLABLES if not inspect.isclass(name.thing)])
+def test_what_comes_back_is_documented_with_its_shape_and_unit(name):
+    kind = str(inspect.signature(name.thing).return_annotation)
+    if kind == "None":
+        return
+    sections = name.sections
+    told = sections.get("Returns", sections.get("Yields", ""))
+    assert told.strip()
+    assert not NUMBER.search(kind) or UNIT.search(told)
+    assert not ARRAY.search(kind + told.partition("\n")[0]) or SHAPE.search(told)
+
+
+@over([name for name in NAMES if isinstance(name.thing, property)])
+def test_a_property_has_its_unit(name):
+    kind = str(inspect.signature(name.thing.fget).return_annotation)
+    assert not NUMBER.search(kind) or UNIT.search("\n".join(name.docs))
+
+
+@over(NAMES)
+def test_errors_are_documented(name):
+    told = name.sections.get("Raises", "")
+    assert sorted(error for error in raised(name) if error not in told) == []
+
+
+@over(CALLABLES)
+def test_has_an_example(name):
+    if name.owner is None:
+        assert ">>>" in name.docs[0]
+        return
+    member = name.path.rpartition(".")[2]
+    use = r">>>.*\w\(" if member == "__call__" else rf"\.{member}\("
+    classes = [inspect.cleandoc(kind.__doc__ or "") for kind in name.owner.__mro__[:-1]]
+    assert any(">>>" in doc for doc in name.docs) or any(
+        re.search(use, example) for doc in classes for example in re.findall(r"^(?:>>>|\.\.\.) .*$", doc, re.M)
+    )
+
+
+@over(NAMES)
+def test_a_formula_has_a_source(name):
+    if FORMULA.search(name.docs[0]):
+        around = [*name.docs, inspect.getdoc(name.owner) or "" if name.owner else "", name.module.__doc__ or ""]
+        assert any(SOURCE.search(text) for text in around)
+
+
+@over([name for name in NAMES if inspect.isclass(name.thing) and issubclass(name.thing, pydantic.BaseModel)])
+def test_every_field_of_a_scene_is_described_with_its_unit(name):
+    own = [each for each in vars(name.thing).get("__annotations__", {}) if each in name.thing.model_fields]
+    told = {each: name.thing.model_fields[each].description or "" for each in own}
+    assert [each for each in own if not told[each]] == []
+    kinds = {each: str(vars(name.thing)["__annotations__"][each]) for each in own}
+    assert [each for each in own if NUMBER.search(kinds[each]) and not UNIT.search(told[each])] == []
