@@ -105,7 +105,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     Parameters
     ----------
     g : array_like (n+1, ...)
-        As for `integrate` (unit of f per second, or of f); one sample is enough.
+        As for `integrate`, in the unit of f per second or of f; one sample is enough.
     dt : float, seconds
         Step size.
     rule : Rule or str

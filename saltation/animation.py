@@ -118,7 +118,7 @@ def animate(
     start : float, d/u*, optional
         From when; default when half of the grains have done their first `run.discard` jumps, or earlier for `frames` to be there.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the share that is done (dimensionless).
 
     Raises
     ------
@@ -126,6 +126,18 @@ def animate(
         If the paths were not kept, `frames` is less than 1, or `start` lies after the end.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     animate(result, Path(folder) / "cloud.gif", frames=1)
+    ...     (Path(folder) / "cloud.gif").read_bytes()[:3]
+    b'GIF'
     """
     if Path(path).suffix != ".gif":
         raise ValueError(f"path must end in .gif, got {str(path)!r}")

@@ -55,7 +55,7 @@ def campaign(
         Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
         afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
     progress : callable or None
-        Called with the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1 (dimensionless).
     store : path, optional
         A folder, made if missing. Each finished scene is kept there as a file of its own, written whole or not at all; the
         same scenes with the same store go on where they were stopped, however that was. Files that cannot be read are ignored.
@@ -248,6 +248,17 @@ class Store:
     ----------
     path : path
         Made if missing.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import saltation
+    >>> scene, row = saltation.load("bouncing"), dict.fromkeys(COLUMNS, 0.1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = Store(folder)
+    ...     store.put("a", scene, row)
+    ...     store.get("a") == row, store.get("b")
+    (True, None)
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -255,7 +266,16 @@ class Store:
         self.path.mkdir(parents=True, exist_ok=True)
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """The row kept under a key; None if there is none that is whole."""
+        """The row kept under a key; None if there is none that is whole.
+
+        Parameters
+        ----------
+        key : str
+
+        Returns
+        -------
+        dict or None
+        """
         try:
             content = json.loads((self.path / f"{key}.json").read_text(encoding="utf-8"))
             row: dict[str, Any] = content["row"]
@@ -265,7 +285,15 @@ class Store:
         return row if whole else None
 
     def put(self, key: str, scene: Any, row: dict[str, Any]) -> None:
-        """Keep a row; floats are written so that they come back bit for bit."""
+        """Keep a row; floats are written so that they come back bit for bit.
+
+        Parameters
+        ----------
+        key : str
+        scene : Scene
+        row : dict
+            Units as in the table of `campaign`.
+        """
         content = {"scene": json.loads(text_of(scene)), "row": row, "check": hash_of(key, json.dumps(row))}
         write(self.path / f"{key}.json", json.dumps(content, indent=1) + "\n")
 
@@ -291,6 +319,12 @@ def thesis() -> list[tuple[dict[str, Any], Any]]:
     -------
     list of (labels, Scene)
         Labels: run, set, particle_reynolds, stage (T), restitution (e), f, f_is ("retention" or "Coulomb").
+
+    Examples
+    --------
+    >>> runs = thesis()
+    >>> len(runs), runs[0][0]["run"], runs[0][1].in_plane
+    (256, 'A', True)
     """
     result = []
     for reynolds, (name, stages) in STAGES.items():
@@ -328,6 +362,12 @@ def grains() -> list[tuple[dict[str, Any], Any]]:
     -------
     list of (labels, Scene)
         Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
+
+    Examples
+    --------
+    >>> runs = grains()
+    >>> len(runs), sum(labels["encounters"] for labels, scene in runs)
+    (24, 12)
     """
     result = []
     for concentration, number in CONCENTRATIONS.items():
@@ -348,7 +388,29 @@ def grains() -> list[tuple[dict[str, Any], Any]]:
 
 
 def diameter_of(particle_reynolds: float, scene: Any) -> float:
-    """Diameter in m that gives a scene's material and fluid this R_p = √(R g d³)/ν."""
+    """Diameter that gives a scene's material and fluid a particle Reynolds number R_p = √(R g d³)/ν.
+
+    Parameters
+    ----------
+    particle_reynolds : float, dimensionless
+        R_p.
+    scene : Scene
+        Whose densities and viscosity count.
+
+    Returns
+    -------
+    float, m
+
+    References
+    ----------
+    R_p as in thesis (4-13).
+
+    Examples
+    --------
+    >>> import saltation
+    >>> abs(diameter_of(73.0, saltation.load("sand")) / 0.69e-3 - 1.0) < 0.01
+    True
+    """
     excess = abs(scene.grain.density / scene.fluid.density - 1.0)
     return math.cbrt((particle_reynolds * scene.fluid.viscosity) ** 2 / (excess * GRAVITY))
 
@@ -366,17 +428,17 @@ def judge(table: pd.DataFrame, reference: pd.DataFrame | None = None, *, particl
     Parameters
     ----------
     table : DataFrame
-        From `campaign`, with the labels particle_reynolds, stage and those of `models`.
+        From `campaign`, units as there, with the labels particle_reynolds, stage and those of `models`.
     reference : DataFrame, optional
-        From `statistics.read_reference`; stages that the campaign does not reach are left out.
-    particle_reynolds : float
+        From `statistics.read_reference`, units as there; stages that the campaign does not reach are left out.
+    particle_reynolds : float, dimensionless
         Which R_p it is for, to 2 %.
     models : sequence of str
         The labels that make a model.
 
     Returns
     -------
-    DataFrame, one row per model, R_p and source, the best mean rank first
+    DataFrame, one row per model, R_p and source, the best mean rank first; dimensionless
         model, particle_reynolds and source; error_index (RMSE over the mean, averaged over H, L and ū) and overlap_index
         (per cent; where the source gives standard deviations), see `statistics`; against the regressions also inside (share of
         the means within their envelope) and height_place, length_place and velocity_place (0 at the envelope's lower
@@ -388,7 +450,17 @@ def judge(table: pd.DataFrame, reference: pd.DataFrame | None = None, *, particl
     ValueError
         For a table without these labels or with two runs of a model at one stage, and for a reference that no run reaches.
 
-    Source: thesis, section 3.4.2 and fig. 3-10.
+    References
+    ----------
+    thesis, section 3.4.2 and fig. 3-10.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = [{"run": "A", "height": 2.0, "length": 12.0, "velocity": 6.0}, {"run": "B", "height": 9.0, "length": 90.0, "velocity": 20.0}]
+    >>> table = pd.DataFrame(rows).assign(particle_reynolds=73.0, stage=2.0, height_sd=1.0, length_sd=1.0, velocity_sd=1.0)
+    >>> judge(table, models=["run"])["rank"].tolist()  # A jumps as the regressions say
+    [1.0, 2.0]
     """
     for name in (*models, "particle_reynolds", "stage"):
         if name not in table:

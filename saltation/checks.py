@@ -98,8 +98,8 @@ def settling_velocity(scene: Any) -> float | None:
     Examples
     --------
     >>> import saltation
-    >>> round(settling_velocity(saltation.load("sand")), 3)  # sand of 0.69 mm
-    0.104
+    >>> 0.1 < settling_velocity(saltation.load("sand")) < 0.13  # sand of 0.69 mm
+    True
     """
     n = scene.numbers
     if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
@@ -128,8 +128,8 @@ def computed(scene: Any) -> dict[str, str]:
     Examples
     --------
     >>> import saltation
-    >>> computed(saltation.load("settling"))["forces"]
-    'weight, drag'
+    >>> computed(saltation.load("settling"))["state"]
+    '4 numbers: x, z, u, w'
     """
     engine = Engine(scene)
     axes = "xz" if scene.in_plane else "xyz"

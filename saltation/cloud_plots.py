@@ -58,7 +58,31 @@ def needs_width(result: CloudResult, what: str) -> None:
 
 @styled
 def three_dimensional(result: CloudResult) -> Figure:
-    """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8."""
+    """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in d.
+
+    Raises
+    ------
+    ValueError
+        If the scene is in the plane, or the run has no encounter or no paths.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> "meet" in three_dimensional(result).get_suptitle()
+    True
+    """
     needs_width(result, "three_dimensional")
     encounters_of(result, "three_dimensional")
     group = group_of(result, SPAN * jump_time(result))
@@ -89,7 +113,31 @@ def three_dimensional(result: CloudResult) -> Figure:
 
 @styled
 def plan(result: CloudResult) -> Figure:
-    """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9."""
+    """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in d.
+
+    Raises
+    ------
+    ValueError
+        If the scene is in the plane, or the run has no encounter or no paths.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> plan(result).get_suptitle().startswith("Seen from above")
+    True
+    """
     needs_width(result, "plan")
     encounters_of(result, "plan")
     group = group_of(result, SPAN * jump_time(result))
@@ -136,7 +184,31 @@ def spread_out(values: Floats, least: float) -> Floats:
 
 @styled
 def pair(result: CloudResult) -> Figure:
-    """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6."""
+    """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in d and d/u*.
+
+    Raises
+    ------
+    ValueError
+        If the run has no encounter or no paths.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> "meet in mid-flight" in pair(result).get_suptitle()
+    True
+    """
     found = clean_pair(result, "pair")
     moment, tau = float(found.row["time"]), jump_time(result)
     low, high = max(0.0, moment - 1.3 * tau), moment + 1.3 * tau
@@ -178,6 +250,29 @@ def snapshots(result: CloudResult) -> Figure:
 
     The picture moves with the centre of mass of the pair at contact, whose velocity the contact does not change; it shows the vertical and
     the horizontal direction of the line of centres. Thesis fig. 4-7.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in d, velocities in u*.
+
+    Raises
+    ------
+    ValueError
+        If the run has no encounter or no paths.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> "part at" in snapshots(result).get_suptitle()
+    True
     """
     found = clean_pair(result, "snapshots")
     row, normal, moment = found.row, found.normal(), float(found.row["time"])
@@ -243,10 +338,23 @@ def grain_history(result: CloudResult, grain: int | None = None, start: float | 
     start : float, d/u*, optional
         From when; default when that grain shows most.
 
+    Returns
+    -------
+    Figure
+        Axes in d, u* and u*²/d against d/u*.
+
     Raises
     ------
     ValueError
         Without encounters or paths, in the plane, for a grain that there is none.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> "is turned across the stream" in grain_history(result).get_suptitle()
+    True
     """
     needs_width(result, "grain_history")
     span = 10.0 * jump_time(result)
@@ -322,7 +430,31 @@ def draw_kicks(axes: Any, path: Track, low: float, high: float) -> None:
 
 @styled
 def profiles(result: CloudResult) -> Figure:
-    """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps."""
+    """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in d and u*.
+
+    Raises
+    ------
+    ValueError
+        If the paths were not kept.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> profiles(result).get_suptitle().startswith("Grains are densest at z")
+    True
+    """
     start = settled(result)
     table = result.profiles(start=start)
     z, filled = table["z"].to_numpy(), table["concentration"].to_numpy() > 0.0
@@ -379,7 +511,31 @@ def changes(met: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def encounters(result: CloudResult) -> Figure:
-    """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15."""
+    """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15.
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    Figure
+        Axes in degrees, u* and u*/d.
+
+    Raises
+    ------
+    ValueError
+        If the run has no encounter.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> encounters(result).get_suptitle().startswith(f"{len(result.encounters)} encounters")
+    True
+    """
     found = changes(encounters_of(result, "encounters"))
     figure = Figure(figsize=(10.0, 7.6))
     panels = figure.subplots(3, 3)
@@ -434,6 +590,28 @@ def second_moments(result: CloudResult, without: CloudResult | None = None) -> F
     result : CloudResult
     without : CloudResult, optional
         The same scene without encounters, drawn grey.
+
+    Returns
+    -------
+    Figure
+        Axes in d/u* and d².
+
+    Raises
+    ------
+    ValueError
+        If the paths were not kept or no displacement scatters.
+
+    References
+    ----------
+    Thesis (4-14), (4-15).
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
+    >>> second_moments(result).get_suptitle().startswith("45 grains spread from one release point")
+    True
     """
     tau = jump_time(result)
     figure = Figure(figsize=(10.0, 4.8))

@@ -39,7 +39,7 @@ def encounter_unit(name: str) -> str:
 
 @dataclass(eq=False)
 class CloudResult(Kept):
-    """A run of many grains. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
+    """A run of many grains. Lengths in d, velocities in u* (in still water in the V of `saltation.grain`), times in d/u*.
 
     Attributes
     ----------
@@ -49,15 +49,34 @@ class CloudResult(Kept):
     encounters : DataFrame
         One row per encounter in the order of time: `first` and `second` grain, place of the first, unit normal from the first
         to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
-        more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first.
+        more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first; units by
+        `encounter_unit`.
     fates : DataFrame
-        Grains that left the run before its end, in the order of time: grain, time, fate (at rest, creeping, aloft).
+        Grains that left the run before its end, in the order of time: grain, time (d/u*), fate (at rest, creeping, aloft).
     status, message : str
         finished, pile-up, failed, or unfinished (a run that was stopped and can go on); and why.
     provenance : dict
         As of `Result`, with the pair law, the box (d), and how many steps were too short to be resolved.
-    time : float
-        How far the run has come, d/u*.
+    time : float, d/u*
+        How far the run has come.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
+    >>> result.status, result.jumps["grain"].nunique() <= 45
+    ('finished', True)
+    >>> frequencies = result.frequencies()
+    >>> bool(abs(frequencies["bed"] * result.time - len(result.all_jumps)) < 1e-9)
+    True
+    >>> list(result.summary().columns)
+    ['mean', 'standard_deviation', 'standard_error', 'count']
+    >>> len(result.profiles(bins=10))
+    10
+    >>> again = CloudResult.of_dataset(result.scene, result.dataset())
+    >>> again.all_jumps.equals(result.all_jumps)
+    True
     """
 
     scene: Any
@@ -77,15 +96,27 @@ class CloudResult(Kept):
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none."""
+        """The jumps that count: without the first `run.discard` of each grain, and without flights that are none; units as of `Result.jumps`."""
         return that_count(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
-        """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number."""
+        """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number.
+
+        Returns
+        -------
+        DataFrame, one row per column of `jumps`
+            mean, standard_deviation, standard_error and count, in the units of the column.
+        """
         return statistics.summary(self.jumps.drop(columns="grain"))
 
     def frequencies(self) -> dict[str, float]:
-        """Impacts on the bed `bed` (F_pb) and encounters `pairs` (F_pp) of all grains per d/u*, and their `ratio`; thesis Table 4-2."""
+        """How often grains meet the bed and each other; thesis Table 4-2.
+
+        Returns
+        -------
+        dict
+            Impacts on the bed `bed` (F_pb) and encounters `pairs` (F_pp) of all grains per d/u*, in u*/d; `ratio`, dimensionless.
+        """
         time = self.time or np.nan  # a run that stopped at once
         bed, pairs = len(self.all_jumps) / time, len(self.encounters) / time
         return {"bed": bed, "pairs": pairs, "ratio": bed / pairs if pairs else float("inf")}
@@ -112,7 +143,14 @@ class CloudResult(Kept):
         return whole
 
     def profiles(self, bins: int = 30, start: float = 0.0) -> pd.DataFrame:
-        """Concentration and mean velocity over the height, from all kept positions after `start` (d/u*).
+        """Concentration and mean velocity over the height, from all kept positions of a time on.
+
+        Parameters
+        ----------
+        bins : int
+            How many layers.
+        start : float, d/u*
+            From when.
 
         Returns
         -------
@@ -139,7 +177,13 @@ class CloudResult(Kept):
         return pd.DataFrame({"z": 0.5 * (edges[1:] + edges[:-1]), "concentration": concentration, "velocity": mean, "velocity_sd": deviation})
 
     def dataset(self) -> xr.Dataset:
-        """Everything as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` and `grain`, the rest as attributes."""
+        """Everything as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` and `grain`, the rest as attributes.
+
+        Returns
+        -------
+        Dataset
+            Units in the variables' attributes.
+        """
         whole = tables_to_dataset(self.all_jumps, self.encounters)
         for name, values in self.fates.items():
             whole[f"fate_{name}"] = ("fate", values.to_numpy())
@@ -150,7 +194,18 @@ class CloudResult(Kept):
 
     @classmethod
     def of_dataset(cls, scene: Any, whole: xr.Dataset) -> CloudResult:
-        """From what `dataset` made."""
+        """From what `dataset` made.
+
+        Parameters
+        ----------
+        scene : Scene
+        whole : Dataset
+            What `dataset` made, units as there.
+
+        Returns
+        -------
+        CloudResult
+        """
         names = [name for name in whole.data_vars if "time" in whole[name].dims]
         path = whole[names] if names else None
         if path is not None:

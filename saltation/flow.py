@@ -63,8 +63,8 @@ class Profile:
     >>> class Couette(Profile):
     ...     def extended(self, z):
     ...         return 2.0 * z, 2.0
-    >>> Couette().both(3.0), Couette().both(-1.0)
-    ((6.0, 2.0), (0.0, 0.0))
+    >>> Couette().extended(3.0), Couette().both(3.0), Couette().both(-1.0)
+    ((6.0, 2.0), (6.0, 2.0), (0.0, 0.0))
     """
 
     floor = 0.0
@@ -115,7 +115,7 @@ class Reichardt(Profile):
 
     Examples
     --------
-    >>> velocity, shear = Reichardt(50.0, 0.41).both(1e-6)
+    >>> velocity, shear = Reichardt(50.0, 0.41).extended(1e-6)
     >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer: u⁺ = z⁺
     True
     """
@@ -149,8 +149,8 @@ class Swamee(Profile):
 
     Examples
     --------
-    >>> velocity, shear = Swamee(50.0, 0.41, 9.0 / 16.0).both(1e-6)
-    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer: u⁺ = z⁺
+    >>> velocity, shear = Swamee(50.0, 0.41, 9.0).extended(1e-6)
+    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer of a smooth bed: u⁺ = z⁺
     True
     """
 
@@ -188,7 +188,7 @@ class LogLaw(Profile):
 
     Examples
     --------
-    >>> LogLaw(1.0, 0.4, 8.5).both(1.0)
+    >>> LogLaw(1.0, 0.4, 8.5).extended(1.0)
     (8.5, 2.5)
     >>> LogLaw(1.0, 0.4, 8.5).both(0.03)
     (0.0, 0.0)

@@ -65,9 +65,9 @@ class Numbers:
     Examples
     --------
     >>> n = numbers_of(1000.0, 1e-6, 2000.0, 1e-3, shear_velocity=0.1, added_mass=0.5)
-    >>> n.reynolds, n.time, n.alpha
+    >>> round(n.reynolds, 9), n.time, n.alpha
     (100.0, 0.01, 0.4)
-    >>> n.stokes(9.0)
+    >>> round(n.stokes(9.0), 9)
     200.0
     """
 

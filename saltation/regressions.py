@@ -50,7 +50,7 @@ class Regression:
     source : str
         The paper.
     function : callable
-        (particle_reynolds, transport_stage) -> `Jump`, elementwise on arrays.
+        (particle_reynolds, transport_stage) -> `Jump`, elementwise on arrays (...), dimensionless.
 
     Examples
     --------

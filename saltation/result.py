@@ -137,7 +137,7 @@ class Kept:
 
 @dataclass(eq=False)
 class Result(Kept):
-    """A run of one grain. Lengths in d, velocities in u* (in still water √(|R| g d)), times in d/u*.
+    """A run of one grain. Lengths in d, velocities in u* (in still water in the V of `saltation.grain`), times in d/u*.
 
     Attributes
     ----------
@@ -149,6 +149,15 @@ class Result(Kept):
     provenance : dict
         Profile, roughness, reading, rebound memory, source of e, range of St, shares of impacts that were clipped, creep or
         lie outside a closure's range, versions, seed.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> result = saltation.run(saltation.load("bouncing"))
+    >>> len(result.jumps), int(result.summary().loc["height", "count"])
+    (5, 5)
+    >>> bool(result.trajectory["z"].min() > 0.49)  # of the centre: the grain never sinks into the bed
+    True
     """
 
     scene: Any
@@ -163,7 +172,34 @@ class Result(Kept):
 
     @classmethod
     def of(cls, engine: Engine, rows: Floats, record: flight.Record | None, status: str, message: str, spin: Floats) -> Result:
-        """From what the flights recorded; `spin` (3,) is that of a last flight without impact."""
+        """From what the flights recorded.
+
+        Parameters
+        ----------
+        engine : Engine
+            Of the run.
+        rows : ndarray (jumps, columns)
+            Columns and their order as in `saltation.flight.COLUMNS`: lengths in d, velocities in V, times in d/V.
+        record : Record or None
+            The accepted steps; None where the path is not kept.
+        status, message : str
+            As of `Result`.
+        spin : ndarray (3,), V/d
+            Of a last flight without impact.
+
+        Returns
+        -------
+        Result
+
+        Examples
+        --------
+        >>> import saltation
+        >>> from saltation.engine import Engine
+        >>> from saltation.flight import COLUMNS
+        >>> scene = saltation.load("bouncing")
+        >>> len(Result.of(Engine(scene), np.zeros((0, len(COLUMNS))), None, "aloft", "it never came down", np.zeros(3)).jumps)
+        0
+        """
         spins = np.vstack([rows[:, -3:], spin])  # at the end of every flight
         jumps = table_of(rows, engine.numbers.stokes(1.0))
         counted = that_count(jumps, jumps.index, engine.scene.run.discard)
@@ -171,11 +207,20 @@ class Result(Kept):
 
     @property
     def jumps(self) -> pd.DataFrame:
-        """The jumps that count: without the first `run.discard`, and without flights that are none (shorter than `engine.REST`)."""
+        """The jumps that count: without the first `run.discard`, and without flights that are none (shorter than `engine.REST`, d/u*).
+
+        Units are in `saltation.result.UNITS`.
+        """
         return that_count(self.all_jumps, self.all_jumps.index, self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
-        """Mean, standard deviation, standard error (block bootstrap) and number, one row per column of `jumps`."""
+        """Mean, standard deviation, standard error (block bootstrap) and number, one row per column of `jumps`.
+
+        Returns
+        -------
+        DataFrame, one row per column of `jumps`
+            mean, standard_deviation, standard_error and count, in the units of the column.
+        """
         return statistics.summary(self.jumps)
 
     @cached_property
@@ -196,27 +241,63 @@ class Result(Kept):
         return path_of(self._engine, self._record, self._spins)
 
     def budget(self, phases: int = 40) -> pd.DataFrame:
-        """Mean forces over the phase of the jump, thesis figs 3-14 to 3-16: one row per phase (0 takeoff, 1 impact).
+        """Mean forces over the phase of the jump, thesis figs 3-14 to 3-16.
 
-        Columns: x, z (d from takeoff, z from the bed level) and every force along the stream (`drag_x` …) and up
-        (`drag_z` …) as accelerations in u*²/d, means over all jumps that count.
+        Parameters
+        ----------
+        phases : int
+            How many.
+
+        Returns
+        -------
+        DataFrame, one row per phase (0 takeoff, 1 impact)
+            phase; x, z (d from takeoff, z from the bed level); every force along the stream (`drag_x` …) and up (`drag_z` …) as
+            accelerations in u*²/d; means over all jumps that count.
 
         Raises
         ------
         ValueError
             If the path was not kept or no jump counts.
+
+        Examples
+        --------
+        >>> import saltation
+        >>> frame = saltation.run(saltation.load("bouncing")).budget(phases=10)
+        >>> len(frame), bool((frame["weight_z"] < 0.0).all())
+        (10, True)
         """
         return budget_of(self, phases)
 
     def diffusion(self, lags: Floats | None = None) -> pd.DataFrame:
-        """Second moments of the displacement along and across the stream after `lags` (d/u*), thesis fig. 3-17.
+        """Second moments of the displacement along and across the stream, thesis fig. 3-17.
 
-        The ensemble is all takeoffs that count and lie long enough before the end. Columns lag, x, y (d²).
+        The ensemble is all takeoffs that count and lie long enough before the end.
+
+        Parameters
+        ----------
+        lags : ndarray (m,), d/u*, or None
+            Times after a takeoff; None: 40, evenly spaced in their logarithm.
+
+        Returns
+        -------
+        DataFrame, one row per lag
+            lag (d/u*), x, y (d²).
 
         Raises
         ------
         ValueError
             If the path was not kept or fewer than two takeoffs count.
+
+        References
+        ----------
+        Nikora et al. (2001), J. Phys. A 34, L743–L749; thesis (3-7), (3-8).
+
+        Examples
+        --------
+        >>> import saltation
+        >>> frame = saltation.run(saltation.load("bouncing")).diffusion(np.array([0.5, 1.0]))
+        >>> frame["y"].tolist()  # nothing moves it across
+        [0.0, 0.0]
         """
         path, jumps = self.trajectory, self.jumps
         if len(jumps) < 2:
@@ -234,10 +315,27 @@ class Result(Kept):
     def bed_load(self) -> dict[str, float]:
         """Dynamic friction μ_d = −ΣJ_x/ΣJ_z of the impacts and the bed-load rate q* that it implies, beside two formulas.
 
+        Returns
+        -------
+        dict, dimensionless
+            dynamic_friction (μ_d), rate (q*), and q* by the formulas meyer_peter_mueller and wong_parker.
+
         Raises
         ------
         ValueError
             In still water, and if no jump counts.
+
+        References
+        ----------
+        `saltation.regressions.bed_load`: Bagnold (1956); Meyer-Peter and Müller (1948); Wong and Parker (2006).
+
+        Examples
+        --------
+        >>> import saltation
+        >>> from saltation.scene import read, scene_of
+        >>> load = saltation.run(scene_of(read("sand") | {"run": {"jumps": 40}})).bed_load()
+        >>> 0.0 < load["dynamic_friction"] < 1.0, load["rate"] > 0.0
+        (True, True)
         """
         numbers = self.scene.numbers
         if numbers.stage is None:
@@ -256,7 +354,19 @@ class Result(Kept):
         }
 
     def dataset(self) -> xr.Dataset:
-        """Everything as one dataset: the jumps along `jump`, the path along `time` if it was kept, the rest as attributes."""
+        """Everything as one dataset: the jumps along `jump`, the path along `time` if it was kept, the rest as attributes.
+
+        Returns
+        -------
+        Dataset
+            Units in the variables' attributes.
+
+        Examples
+        --------
+        >>> import saltation
+        >>> saltation.run(saltation.load("bouncing")).dataset()["jump_height"].attrs["units"]
+        'd'
+        """
         told = {name: dict(zip(("units", "long_name"), UNITS[name], strict=True)) for name in self.all_jumps}
         whole = xr.Dataset({f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), told[name]) for name in self.all_jumps})
         if self._path is not None or self._record is not None:
@@ -268,6 +378,11 @@ class Result(Kept):
 def open_result(path: str | os.PathLike[str]) -> Any:
     """A result from a file that `Result.save` or `CloudResult.save` wrote, or from the folder of a long run, finished or not.
 
+    Parameters
+    ----------
+    path : path
+        A file, or the folder of a long run.
+
     Returns
     -------
     Result or CloudResult
@@ -276,6 +391,17 @@ def open_result(path: str | os.PathLike[str]) -> Any:
     ------
     ValueError
         If it is not one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import saltation
+    >>> result = saltation.run(saltation.load("bouncing"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     result.save(Path(folder) / "out.nc")
+    ...     again = saltation.open(Path(folder) / "out.nc")
+    >>> again.jumps.equals(result.jumps)
+    True
     """
     from saltation.cloud_result import open_folder
 

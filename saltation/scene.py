@@ -135,10 +135,10 @@ class Bed(Table):
     smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
     span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
     restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
-        0.65, description="e: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
+        0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
     )
     friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
-    tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept (garcia_nino)")
+    tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
     contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
 
     @model_validator(mode="after")
@@ -180,7 +180,9 @@ class Solver(Table):
     """
 
     method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
-    rtol: float = Field(1.0e-5, ge=1e-10, le=1e-2, description="error of a jump's height, length and duration, relative to the mean jump (collocation)")
+    rtol: float = Field(
+        1.0e-5, ge=1e-10, le=1e-2, description="error of a jump's height, length and duration, relative to the mean jump, dimensionless (collocation)"
+    )
     dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
 
     @model_validator(mode="after")
@@ -202,7 +204,7 @@ class Cloud(Table):
     """
 
     number: int = Field(ge=1, le=10**7, description="number of grains")
-    concentration: float = Field(gt=0.0, le=0.3, description="C_p: volume of the grains over the volume that their first centres span")
+    concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over the volume that their first centres span")
     layer: float | None = Field(None, gt=0.0, description="height of that volume, m; default two diameters")
     boundary: Literal["periodic", "open"] = Field("periodic", description="of the area over which they set out, for encounters")
     spread: float = Field(0.1, ge=0.0, description="standard deviation of the first velocities' components about start.velocity, in units of u*")
@@ -267,7 +269,7 @@ class Basis(Table):
     """
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
-    tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū, for effects = 'auto'; default 0.05")
+    tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū (dimensionless), for effects = 'auto'; default 0.05")
     chosen: dict[str, Any] | None = Field(None, description="how the effects were chosen, with the evidence; written into results, not given")
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
@@ -510,7 +512,13 @@ TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=
 Scene: Any = create_model(
     "Scene",
     __base__=Basis,
-    __doc__="A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.",
+    __doc__="""A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.
+
+    Examples
+    --------
+    >>> Scene.model_validate({"effects": ["weight"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
+    ('weight',)
+    """,
     **TABLES,
 )
 

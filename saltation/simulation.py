@@ -42,7 +42,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
         From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
         `saltation.advice.choose`, over the executor or here; `result.scene.chosen` holds the evidence.
     progress : callable or None
-        Called with the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1 (dimensionless).
     output : path, optional
         For a [cloud] only: a folder, made if missing, to which the run writes numbered parts as it goes, so that its memory does
         not grow. Stopped in any way, the same call goes on from the last part and comes to the same bits.

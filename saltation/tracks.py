@@ -28,12 +28,26 @@ class Track:
 
     Attributes
     ----------
-    time : ndarray, shape (n,), d/u*
-    place : ndarray, shape (n, 3), d
-    before, after : ndarray, shape (n, 3), u*
+    time : ndarray (n,), d/u*
+    place : ndarray (n, 3), d
+    before, after : ndarray (n, 3), u*
         Velocity on either side; they differ at contacts.
-    kind : ndarray, shape (n,)
+    kind : ndarray (n,), dimensionless
         KEPT position, contact with the BED, or encounter (MET).
+
+    Examples
+    --------
+    >>> still, fast = np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2)
+    >>> path = Track(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), fast, fast, np.array([KEPT, KEPT]))
+    >>> place, velocity = path.at([0.5])
+    >>> place, velocity
+    (array([[0.5, 0. , 1. ]]), array([[1., 0., 0.]]))
+    >>> times, places = path.line(0.0, 2.0, each=2)
+    >>> times
+    array([0., 1., 2.])
+    >>> ends, accelerations = path.mean_accelerations()
+    >>> accelerations
+    array([[0., 0., 0.]])
     """
 
     time: Floats
@@ -43,9 +57,15 @@ class Track:
     kind: NDArray[np.int64]
 
     def at(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Places (m, 3) in d and velocities (m, 3) in u* at `times` (m,): cubic in each piece, NaN outside of the path.
+        """Places and velocities: cubic in each piece, NaN outside of the path; at a contact the velocity is the one after it.
 
-        At a contact the velocity is the one after it.
+        Parameters
+        ----------
+        times : array_like (m,), d/u*
+
+        Returns
+        -------
+        ndarray (m, 3), d; ndarray (m, 3), u*
         """
         t = np.asarray(times, dtype=np.float64)
         k = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
@@ -60,7 +80,19 @@ class Track:
         return place, velocity
 
     def line(self, low: float, high: float, each: int = 6) -> tuple[Floats, Floats]:
-        """Times (m,) and places (m, 3) to draw the path from `low` to `high` (d/u*): through every knot, `each` pieces between two."""
+        """Times and places to draw the path through every knot.
+
+        Parameters
+        ----------
+        low, high : float, d/u*
+            From when, and until when.
+        each : int
+            Pieces between two knots.
+
+        Returns
+        -------
+        ndarray (m,), d/u*; ndarray (m, 3), d
+        """
         low, high = max(low, self.time[0]), min(high, self.time[-1])
         inside = self.time[(self.time > low) & (self.time < high)]
         knots = np.concatenate([[low], inside, [high]])
@@ -68,7 +100,13 @@ class Track:
         return times, self.at(times)[0]
 
     def mean_accelerations(self) -> tuple[Floats, Floats]:
-        """Ends of the pieces (m, 2) in d/u* and the mean accelerations (m, 3) in u*²/d there, without what contacts do in no time."""
+        """Mean accelerations between the knots, without what contacts do in no time.
+
+        Returns
+        -------
+        ndarray (m, 2), d/u*; ndarray (m, 3), u*²/d
+            Ends of the pieces, and the accelerations there.
+        """
         size = np.diff(self.time)
         long = size > 0.0
         ends = np.stack([self.time[:-1], self.time[1:]], axis=1)[long]
@@ -92,12 +130,30 @@ def image(result: CloudResult, here: Floats, there: Floats) -> Floats:
 
 
 def meeting_places(result: CloudResult) -> tuple[Floats, Floats]:
-    """Centres of the first and of the second grain of every encounter (n, 3), in d, each on its own path (not folded back).
+    """Centres of the first and of the second grain of every encounter, each on its own path (not folded back).
+
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+
+    Returns
+    -------
+    ndarray (n, 3), d; ndarray (n, 3), d
 
     Raises
     ------
     ValueError
         If the paths were not kept.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
+    >>> first, second = meeting_places(result)
+    >>> first.shape == second.shape == (len(result.encounters), 3)
+    True
     """
     met, path = result.encounters, result.trajectory
     if not len(met):
@@ -116,10 +172,29 @@ def track(result: CloudResult, grain: int) -> Track:
 
     It ends before the last contact with the bed: where that was and what followed is in no table.
 
+    Parameters
+    ----------
+    result : CloudResult
+        With its paths.
+    grain : int
+        Its number, from 0 on.
+
+    Returns
+    -------
+    Track
+
     Raises
     ------
     ValueError
         If the paths were not kept, or there is no such grain.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> from saltation.scene import read, scene_of
+    >>> path = track(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}})), 0)
+    >>> bool((np.diff(path.time) >= 0.0).all()), set(path.kind.tolist()) <= {KEPT, BED, MET}
+    (True, True)
     """
     path = result.trajectory
     if not 0 <= grain < path.sizes["grain"]:

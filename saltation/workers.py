@@ -31,6 +31,13 @@ class Processes(Executor):
         How many.
     replacements : int
         How many deaths are made good.
+
+    Examples
+    --------
+    >>> with processes(1) as pool:
+    ...     pool.submit(pow, 2, 10).result()
+    1024
+    >>> pool.shutdown()  # once more does no harm
     """
 
     def __init__(self, workers: int, replacements: int = REPLACEMENTS) -> None:
@@ -47,6 +54,17 @@ class Processes(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Have a function called by a worker.
 
+        Parameters
+        ----------
+        fn : callable
+            Of a module, so that a worker can find it.
+        *args, **kwargs
+            Its arguments, which are pickled.
+
+        Returns
+        -------
+        Future
+
         Raises
         ------
         RuntimeError
@@ -59,7 +77,15 @@ class Processes(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """No more tasks; the workers end when theirs are done."""
+        """No more tasks; the workers end when theirs are done.
+
+        Parameters
+        ----------
+        wait : bool
+            Whether to wait until the workers have ended.
+        cancel_futures : bool
+            Whether tasks that have not begun are dropped.
+        """
         self._over = True
         while cancel_futures:
             try:
@@ -145,12 +171,33 @@ def processes(workers: int | None = None) -> Processes:
     ----------
     workers : int, optional
         How many; default all cores.
+
+    Returns
+    -------
+    Processes
+
+    Examples
+    --------
+    >>> pool = processes(1)
+    >>> isinstance(pool, Executor)
+    True
+    >>> pool.shutdown()
     """
     return Processes(workers or cores())
 
 
 def cores() -> int:
-    """How many this process may use."""
+    """How many this process may use.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> cores() >= 1
+    True
+    """
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

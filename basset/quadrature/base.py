@@ -51,7 +51,7 @@ class Rule(abc.ABC):
 
     References
     ----------
-    Each subclass names its own, in its docstring and as `references`.
+    Each subclass names its own, in its docstring and as `references`; the form that all have in common: this library.
 
     Examples
     --------

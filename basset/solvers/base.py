@@ -367,13 +367,13 @@ def solve(
         Start and end, rising.
     y0 : array_like (n_states,), units of the states
         State at the start. The components in `memory` are slips: velocities relative to the fluid.
-    memory : sequence of int
+    memory : sequence of int, one per member
         Which components remember and feel −coefficient·H of themselves.
-    coefficient : float or array_like (len(memory),), s^(-1/2)
+    coefficient : float or array_like (members,), s^(-1/2)
         0 or greater.
     kernel : Kernel
         What is remembered.
-    initial_slip : array_like (len(memory),) or None, units of the states
+    initial_slip : array_like (members,) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
         Further arguments of fun, events and jumps.

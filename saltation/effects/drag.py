@@ -75,8 +75,8 @@ class Yen(NamedTuple):
 
     Examples
     --------
-    >>> round(Yen(2e5).factor(100.0) * 24.0 / 100.0, 3)  # C_D
-    1.007
+    >>> 1.0 < Yen(2e5).factor(100.0) * 24.0 / 100.0 < 1.1  # C_D of a sphere at Re = 100
+    True
     """
 
     largest: float

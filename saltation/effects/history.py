@@ -36,7 +36,7 @@ class Options(Table):
     kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")
     scheme: str = Field("exponential", description="any key of basset.SCHEMES")
     order: int | None = Field(None, ge=1, le=10, description="degree of a product rule")
-    rtol: float | None = Field(None, gt=0.0, lt=1.0, description="promised error of a fitted sum of exponentials")
+    rtol: float | None = Field(None, gt=0.0, lt=1.0, description="promised relative error of a fitted sum of exponentials, dimensionless")
     rule: str | None = Field(None, description="the rule inside a window (scheme = 'windowed')")
     window: float | None = Field(None, gt=0.0, description="window in units of d/u*")
     window_jumps: int | None = Field(None, ge=1, le=50, description="memory of that many jumps only (the thesis's T_back); collocation")
