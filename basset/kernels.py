@@ -184,7 +184,10 @@ class BassetKernel(Kernel):
     """The standard kernel of unsteady Stokes flow, K(s) = s^(-1/2).
 
     It is homogeneous: stretching time only rescales it, so one set of dimensionless weights serves every step size.
-    References: Basset (1888), A Treatise on Hydrodynamics, vol. 2; Maxey & Riley (1983), Phys. Fluids 26, 883.
+
+    References
+    ----------
+    Basset (1888), A Treatise on Hydrodynamics, vol. 2; Maxey & Riley (1983), Phys. Fluids 26, 883.
 
     Examples
     --------

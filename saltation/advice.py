@@ -29,6 +29,8 @@ from saltation.flow import PROFILES, both
 from saltation.scene import AUTO, SceneError, scene_of
 from saltation.simulation import run
 
+__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "combinations", "extent", "shares", "spreads", "typical", "uncertainty", "variants"]
+
 VARIABLES = statistics.VARIABLES
 MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
 PILOT, MOST, TIMED = 400, 20000, 100  # jumps: of a first look, of any run, of a timed one
@@ -43,7 +45,25 @@ PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time,
 
 
 class Verdict(NamedTuple):
-    """What an effect does in a typical jump: its share of the weight (NaN where that means nothing), word, reason, source."""
+    """What an effect does in a typical jump.
+
+    Attributes
+    ----------
+    effect : str
+        Its name in a scene.
+    present : bool
+        Whether the scene has it.
+    share : float, dimensionless
+        Of the weight, see `advise`; NaN where that means nothing.
+    verdict, reason, source : str
+        A word, why, and whose formula.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> next(row for row in advise(saltation.load("sand")) if row.effect == "weight").verdict
+    'needed'
+    """
 
     effect: str
     present: bool
@@ -54,7 +74,23 @@ class Verdict(NamedTuple):
 
 
 class Typical(NamedTuple):
-    """A typical jump: height (d), duration (d/V), takeoff speed up and mean speed along (V), spin (V/d)."""
+    """A typical jump.
+
+    Attributes
+    ----------
+    height : float, d
+    duration : float, d/V
+    rise, speed : float, V
+        Takeoff speed up and mean speed along.
+    spin : float, V/d
+
+    Examples
+    --------
+    >>> import saltation
+    >>> jump = typical(saltation.load("sand"))
+    >>> jump.height > 1.0, jump.duration > 0.0
+    (True, True)
+    """
 
     height: float
     duration: float
@@ -64,7 +100,26 @@ class Typical(NamedTuple):
 
 
 def typical(scene: Any) -> Typical:
-    """The jump that the published regressions give at the scene's R_p and T (at least T = 1.2); in still water one diameter high."""
+    """The jump that the published regressions give at the scene's R_p and T (at least T = 1.2); in still water one diameter high.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Typical
+
+    References
+    ----------
+    The regressions of `saltation.regressions`, their means; the takeoff and the spin: this library.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> typical(saltation.load("settling")).height
+    1.0
+    """
     numbers = scene.numbers
     height, speed, spin = 1.0, 0.0, 0.0
     if numbers.stage is not None:
@@ -90,6 +145,16 @@ def advise(scene: Any) -> list[Verdict]:
         The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over
         the jump, Δ twice the takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump;
         for encounters their number per jump.
+
+    References
+    ----------
+    The forces: each effect's `source`; the estimate: this library.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> {row.effect: row.verdict for row in advise(saltation.load("sand"))}["history"]
+    'keep'
     """
     jump, numbers = typical(scene), scene.numbers
     setting = Setting(numbers, scene.profile)
@@ -204,11 +269,11 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
         With a bed: it is jumps that are compared.
     executor : concurrent.futures.Executor, optional
         As for `saltation.campaign`.
-    error : float
+    error : float, dimensionless
         Wanted relative standard error of the mean height; decides how many jumps are flown (20 000 at most). A scene that
         runs for a time is flown as long as it says.
     progress : callable or None
-        Called with the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1 (dimensionless).
 
     Returns
     -------
@@ -221,6 +286,15 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
     ------
     SceneError
         If the scene has no bed.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> try:
+    ...     ablate(saltation.load("settling"))
+    ... except SceneError as error:
+    ...     print(str(error).partition(":")[0])
+    bed is missing
     """
     cases = reduced(scene)
     table = compare(enough(cases, error, executor, progress))
@@ -271,10 +345,10 @@ def choose(scene: Any, tolerance: float = TOLERANCE, executor: Executor | None =
     ----------
     scene : Scene
         With a bed and all effects that are considered.
-    tolerance : float
+    tolerance : float, dimensionless
         Relative.
     executor, progress
-        As for `ablate`.
+        As for `ablate`, the share dimensionless.
 
     Returns
     -------
@@ -287,6 +361,15 @@ def choose(scene: Any, tolerance: float = TOLERANCE, executor: Executor | None =
     ------
     SceneError
         If the scene has no bed, or does not finish its run with all its effects.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> try:
+    ...     choose(saltation.load("settling"))
+    ... except SceneError as error:
+    ...     print(str(error).partition(":")[0])
+    bed is missing
     """
     cases = reduced(scene)
     full = cases["full"]
@@ -340,7 +423,24 @@ def shown(row: pd.Series) -> float | str:
 
 
 def variants(scene: Any) -> dict[str, dict[str, Any]]:
-    """Scenes that differ from this one in one choice: choice -> value -> scene; what makes no scene is left out."""
+    """Scenes that differ from this one in one choice; what makes no scene is left out.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    dict of dict of Scene
+        Choice -> value -> scene.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> found = variants(saltation.load("sand"))
+    >>> all(isinstance(scene, saltation.scene.Basis) for values in found.values() for scene in values.values())
+    True
+    """
     found: dict[str, dict[str, Any]] = {}
     for choice, values in _choices(scene).items():
         for value, change in values.items():
@@ -374,9 +474,10 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
     Parameters
     ----------
     scene : Scene
+        With a bed.
     executor, progress
-        As for `ablate`.
-    error : float
+        As for `ablate`, the share dimensionless.
+    error : float, dimensionless
         Wanted relative standard error of the mean height.
 
     Returns
@@ -389,6 +490,15 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
     ------
     SceneError
         If the scene has no bed.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> try:
+    ...     uncertainty(saltation.load("settling"))
+    ... except SceneError as error:
+    ...     print(str(error).partition(":")[0])
+    bed is missing
     """
     require_bed(scene)
     scene = changed(scene, effects=list(scene.names), tolerance=None)
@@ -401,7 +511,25 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
 
 
 def spreads(table: pd.DataFrame) -> pd.DataFrame:
-    """Lowest and highest mean of H, L and ū over each choice's values that finish, over that of the scene itself."""
+    """Lowest and highest mean of H, L and ū over each choice's values that finish, over that of the scene itself.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `uncertainty`, units as there.
+
+    Returns
+    -------
+    DataFrame, one row per choice, dimensionless
+        choice; of height, length and velocity `_low` and `_high`.
+
+    Examples
+    --------
+    >>> row = {"choice": "scene", "status": "finished", "height": 2.0, "length": 10.0, "velocity": 5.0}
+    >>> rows = [row, row | {"choice": "drag", "height": 3.0}, row | {"choice": "drag", "height": 1.0}]
+    >>> spreads(pd.DataFrame(rows))[["height_low", "height_high"]].values.tolist()
+    [[0.5, 1.5]]
+    """
     base = table.iloc[0]
     finished = table[table["status"] == "finished"]
     rows = []
@@ -421,7 +549,7 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
     scene : Scene
         With a bed.
     executor, progress
-        As for `ablate`.
+        As for `ablate`, the share dimensionless.
 
     Returns
     -------
@@ -432,6 +560,15 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
     ------
     SceneError
         If the scene has no bed.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> try:
+    ...     combinations(saltation.load("settling"))
+    ... except SceneError as error:
+    ...     print(str(error).partition(":")[0])
+    bed is missing
     """
     require_bed(scene)
     scene = long(changed(scene, effects=list(scene.names), tolerance=None), COMBINED)
@@ -448,13 +585,29 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
 
 
 def shares(table: pd.DataFrame) -> pd.DataFrame:
-    """How much of the spread each choice makes by itself; `table` from `combinations`.
+    """How much of the spread each choice makes by itself.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `combinations`, units as there.
 
     Returns
     -------
-    DataFrame
-        One row per choice; for H, L and ū the variance of the means over its values of the logarithm, over the variance of all
-        that finish (a first Sobol index: Sobol 1993, Math. Model. Comput. Exp. 1, 407). What is missing to 1 is interplay.
+    DataFrame, one row per choice, dimensionless
+        For H, L and ū the variance of the means over its values of the logarithm, over the variance of all that finish. What is
+        missing to 1 is interplay.
+
+    References
+    ----------
+    A first Sobol index: Sobol (1993), Math. Model. Comput. Exp. 1, 407.
+
+    Examples
+    --------
+    >>> rows = [(law, stream, "finished", height, 9.0 * height, height) for law, height in (("yen", 1.0), ("rubey", 2.0)) for stream in "ab"]
+    >>> table = pd.DataFrame(rows, columns=["drag", "profile", "status", "height", "length", "velocity"])
+    >>> shares(table)["height"].round(12).tolist()  # the law of drag does it all
+    [1.0, 0.0]
     """
     finished = table[(table["status"] == "finished") & (table["height"] > 0.0)]
     logarithms = np.log(finished[list(VARIABLES)].astype(float))
@@ -467,5 +620,22 @@ def shares(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def extent(table: pd.DataFrame) -> pd.DataFrame:
-    """The 5, 50 and 95 % quantiles of H, L and ū over all combinations that finish; `table` from `combinations`."""
+    """The 5, 50 and 95 % quantiles of H, L and ū over all combinations that finish.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `combinations`, units as there.
+
+    Returns
+    -------
+    DataFrame, three rows
+        height and length (d) and velocity (u*) by quantile.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"status": ["finished", "finished", "aloft"], "height": [1.0, 3.0, 99.0], "length": 9.0, "velocity": 5.0})
+    >>> extent(table).loc[0.5, "height"]
+    np.float64(2.0)
+    """
     return table.loc[table["status"] == "finished", list(VARIABLES)].quantile([0.05, 0.5, 0.95])

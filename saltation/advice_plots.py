@@ -19,7 +19,25 @@ LOOKS = {"height": (BLUE, "o", "height H"), "length": (ORANGE, "s", "length L"),
 
 @styled
 def ablation(table: pd.DataFrame) -> Figure:
-    """Relative change of H, L and ū when one effect is left out, bars two standard errors; `table` from `advice.ablate`."""
+    """Relative change of H, L and ū when one effect is left out, bars two standard errors.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `advice.ablate`, units as there.
+
+    Returns
+    -------
+    Figure
+        Axes in per cent.
+
+    Examples
+    --------
+    >>> row = {f"{name}_{what}": 0.1 for name in statistics.VARIABLES for what in ("change", "error")} | {"status": "finished"}
+    >>> figure = ablation(pd.DataFrame([row, row], index=["full", "lift"]))
+    >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    ['without lift']
+    """
     rows = table.iloc[1:]
     figure, panels = _panels(len(rows), 0.34)
     places = range(len(rows), 0, -1)
@@ -38,7 +56,26 @@ def ablation(table: pd.DataFrame) -> Figure:
 
 @styled
 def spread(table: pd.DataFrame) -> Figure:
-    """Mean H, L and ū for every value of every choice, over those of the scene, beside its standard error; `table` from `advice.uncertainty`."""
+    """Mean H, L and ū for every value of every choice, over those of the scene, beside its standard error.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `advice.uncertainty`, units as there.
+
+    Returns
+    -------
+    Figure
+        Axes dimensionless.
+
+    Examples
+    --------
+    >>> row = {name: 2.0 for name in statistics.VARIABLES} | {f"{name}_error": 0.01 for name in statistics.VARIABLES}
+    >>> scene = row | {"choice": "scene", "value": "as given", "status": "finished"}
+    >>> figure = spread(pd.DataFrame([scene, scene | {"choice": "law of drag", "value": "rubey", "height": 3.0}]))
+    >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    ['law of drag']
+    """
     base, rows = table.iloc[0], table.iloc[1:]
     choices = list(dict.fromkeys(rows["choice"]))
     figure, panels = _panels(len(choices), 0.6)

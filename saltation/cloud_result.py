@@ -45,7 +45,7 @@ class CloudResult(Kept):
     ----------
     scene : Scene
     all_jumps : DataFrame
-        One row per jump, `grain` and the columns of `Result.jumps`, in the order of grains and time.
+        One row per jump, `grain` and the columns of `Result.jumps`, units as there, in the order of grains and time.
     encounters : DataFrame
         One row per encounter in the order of time: `first` and `second` grain, place of the first, unit normal from the first
         to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
@@ -123,7 +123,7 @@ class CloudResult(Kept):
 
     @cached_property
     def trajectory(self) -> xr.Dataset:
-        """Positions and velocities (time, grain) every `cloud.interval`, not folded back into a periodic box; NaN once a grain has left.
+        """Positions (d) and velocities (u*) (time, grain) every `cloud.interval`, not folded back into a periodic box; NaN once a grain has left.
 
         Raises
         ------

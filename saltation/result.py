@@ -109,7 +109,20 @@ class Kept:
     provenance: dict[str, Any]
 
     def dataset(self) -> xr.Dataset:
-        """Everything as one dataset."""
+        """Everything as one dataset.
+
+        Returns
+        -------
+        Dataset
+            Units in the variables' attributes.
+
+        Examples
+        --------
+        >>> import saltation
+        >>> result = saltation.run(saltation.load("bouncing"))
+        >>> result_of(result.dataset()).jumps.equals(result.jumps)
+        True
+        """
         raise NotImplementedError
 
     def _told(self) -> dict[str, Any]:
@@ -126,10 +139,24 @@ class Kept:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
 
+        Parameters
+        ----------
+        path : path
+            The file; one that is there is replaced.
+
         Raises
         ------
         OSError
             If the folder does not exist or cannot be written; nothing is left behind.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> import saltation
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     saltation.run(saltation.load("bouncing")).save(Path(folder) / "out.nc")
+        ...     saltation.open(Path(folder) / "out.nc").status
+        'finished'
         """
         with replacing(path) as name:
             self.dataset().to_netcdf(name, engine="scipy")

@@ -8,12 +8,14 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import pydantic
 import pytest
 
+from basset.kernels import Floats
 from saltation.bed import rebound
 from saltation.effects import base, drag
 
@@ -40,6 +42,7 @@ FORMULA = re.compile("[∫√∑Σπ∂]|[²³*·)]\\^\\(|= .*\\^")
 SOURCE = re.compile(r"\((?:18|19|20)\d\d|\b(?:18|19|20)\d\d\b\)?|[Tt]hesis|[Tt]his library|Abramowitz")
 
 
+PROPERTIES = (property, cached_property)
 PROTOCOLS = (base.Force, base.Torque, drag.Law, rebound.Rebound)
 
 
@@ -95,14 +98,26 @@ def public(module: ModuleType) -> Iterator[Name]:
             continue
         home = importlib.import_module(thing.__module__)
         yield Name(f"{thing.__module__}.{name}", thing, None, home)
-        for member, value in list(vars(thing).items()) if inspect.isclass(thing) else ():
-            function = getattr(value, "__func__", value)
-            if (not member.startswith("_") or member == "__call__") and (inspect.isfunction(function) or isinstance(value, property)):
-                yield Name(f"{thing.__module__}.{name}.{member}", value if isinstance(value, property) else function, thing, home)
+        for kind in thing.__mro__ if inspect.isclass(thing) else ():
+            if kind.__module__.partition(".")[0] in ("basset", "saltation"):
+                yield from members(kind)
+
+
+def members(kind: type) -> Iterator[Name]:
+    """Public methods and properties that a class defines itself, and what it does when called."""
+    for member, value in list(vars(kind).items()):
+        thing = getattr(value, "__func__", value)
+        if (not member.startswith("_") or member == "__call__") and (inspect.isfunction(thing) or isinstance(thing, PROPERTIES)):
+            yield Name(f"{kind.__module__}.{kind.__qualname__}.{member}", thing, kind, importlib.import_module(kind.__module__))
 
 
 NAMES = list({name.path: name for module in MODULES for name in public(importlib.import_module(module))}.values())
-CALLABLES = [name for name in NAMES if not isinstance(name.thing, property)]
+CALLABLES = [name for name in NAMES if not isinstance(name.thing, PROPERTIES)]
+
+
+def getter(thing: Any) -> Any:
+    """The function behind a property; anything else as it is."""
+    return thing.fget if isinstance(thing, property) else thing.func if isinstance(thing, cached_property) else thing
 
 
 def has_unit(text: str) -> bool:
@@ -133,7 +148,7 @@ def raised(name: Name) -> set[str]:
         bodies = [body for body in bodies if body.__code__.co_filename == name.module.__file__]
     found = set()
     for body in bodies:
-        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(getattr(body, "fget", None) or body)))):
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(getter(body))))):
             if isinstance(node, ast.Raise) and node.exc is not None:
                 found.add(ast.unparse(node.exc.func if isinstance(node.exc, ast.Call) else node.exc).rpartition(".")[2])
             elif isinstance(node, ast.Call) and re.fullmatch(r"_validate\.(?!shown|suggestion)\w+", ast.unparse(node.func)):
@@ -154,7 +169,7 @@ def test_the_names_of_the_packages_are_among_them():
 @over(NAMES)
 def test_says_what_it_is(name):
     assert name.docs[0].strip()
-    assert not name.docs[0].startswith(f"{name.thing.__name__}(" if not isinstance(name.thing, property) else "(property)")  # a dataclass's own
+    assert not name.docs[0].startswith(f"{name.thing.__name__}(" if not isinstance(name.thing, PROPERTIES) else "(property)")  # a dataclass's own
 
 
 @over(CALLABLES)
@@ -178,12 +193,12 @@ def test_what_comes_back_is_documented_with_its_shape_and_unit(name):
     told = sections.get("Returns", sections.get("Yields", ""))
     assert told.strip()
     assert not NUMBER.search(kind) or has_unit(told)
-    assert not ARRAY.search(kind + told.partition("\n")[0]) or SHAPE.search(told)
+    assert not ARRAY.search(f"{kind} {told.splitlines()[0]}") or SHAPE.search(told)
 
 
-@over([name for name in NAMES if isinstance(name.thing, property)])
+@over([name for name in NAMES if isinstance(name.thing, PROPERTIES)])
 def test_a_property_has_its_unit(name):
-    kind = str(inspect.signature(name.thing.fget).return_annotation)
+    kind = str(inspect.signature(getter(name.thing)).return_annotation)
     assert not NUMBER.search(kind) or has_unit("\n".join(name.docs))
 
 
@@ -220,3 +235,77 @@ def test_every_field_of_a_scene_is_described_with_its_unit(name):
     assert [each for each in own if not told[each]] == []
     kinds = {each: str(vars(name.thing)["__annotations__"][each]) for each in own}
     assert [each for each in own if NUMBER.search(kinds[each]) and not has_unit(told[each])] == []
+
+
+class TestTheRulesBite:
+    """A docstring that lacks one thing fails the one test that asks for it."""
+
+    GOOD = """√t of many times.
+
+    Parameters
+    ----------
+    t : array_like (n,), seconds
+
+    Returns
+    -------
+    ndarray (n,), s^(1/2)
+
+    Raises
+    ------
+    ValueError
+        For a negative time.
+
+    References
+    ----------
+    This library.
+
+    Examples
+    --------
+    >>> 1 + 1
+    2
+    """
+
+    @staticmethod
+    def root(t: Floats) -> Floats:
+        if t.min() < 0.0:
+            raise ValueError
+        return t**0.5
+
+    def named(self, doc: str) -> Name:
+        self.root.__doc__ = doc
+        return Name("here.root", self.root, None, importlib.import_module("math"))
+
+    CHECKS = (
+        test_says_what_it_is,
+        test_every_parameter_is_documented_with_its_shape_and_unit,
+        test_what_comes_back_is_documented_with_its_shape_and_unit,
+        test_errors_are_documented,
+        test_has_an_example,
+        test_a_formula_has_a_source,
+    )
+
+    @pytest.mark.parametrize(
+        ("word", "other", "fails"),
+        [
+            ("", "", None),
+            ("t :", "x :", test_every_parameter_is_documented_with_its_shape_and_unit),
+            ("(n,), seconds", "seconds", test_every_parameter_is_documented_with_its_shape_and_unit),
+            ("(n,), seconds", "(n,)", test_every_parameter_is_documented_with_its_shape_and_unit),
+            ("(n,), s^(1/2)", "(n,)", test_what_comes_back_is_documented_with_its_shape_and_unit),
+            ("ndarray (n,), s^(1/2)", "ndarray, s^(1/2)", test_what_comes_back_is_documented_with_its_shape_and_unit),
+            ("ValueError", "Error", test_errors_are_documented),
+            (">>>", "$", test_has_an_example),
+            ("This library.", "Well known.", test_a_formula_has_a_source),
+            (GOOD, "", test_says_what_it_is),
+        ],
+        ids=lambda value: getattr(value, "__name__", str(value)[:20]),
+    )
+    def test_one_by_one(self, word, other, fails):
+        assert word in self.GOOD
+        name = self.named(self.GOOD.replace(word, other, 1))
+        for check in self.CHECKS:
+            if check is fails or (fails is test_says_what_it_is and check is not test_a_formula_has_a_source):
+                with pytest.raises(AssertionError):
+                    check(name)
+            else:
+                check(name)

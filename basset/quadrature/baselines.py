@@ -18,7 +18,9 @@ class EulerMaclaurin(FullRule):
 
     Every panel contributes h K((k+1/2)h) (g_k + g_{k+1})/2.
 
-    References: Press et al. (1992), Numerical Recipes, section 4.4; thesis section 5.2.2.1.
+    References
+    ----------
+    Press et al. (1992), Numerical Recipes, section 4.4; thesis section 5.2.2.1.
 
     Examples
     --------
@@ -55,7 +57,9 @@ class Brush(FullRule):
     With an odd number of panels before the last step, the oldest one is a trapezoid. Error h^(1/2): Simpson's rule next
     to the singularity is off by a fixed share of √h.
 
-    References: Brush, Ho & Yen (1964), J. Hydraul. Div. 90, 149; thesis section 5.2.2.
+    References
+    ----------
+    Brush, Ho & Yen (1964), J. Hydraul. Div. 90, 149; thesis section 5.2.2.
 
     Examples
     --------

@@ -36,7 +36,9 @@ class Hinsberg(Rule):
         If a parameter is of the wrong kind; when used, if the window is shorter than a step or the tail is made for
         another kernel or range.
 
-    References: van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465; thesis eqs. 5-7, 5-13 to 5-17.
+    References
+    ----------
+    van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465; thesis eqs. 5-7, 5-13 to 5-17.
 
     Examples
     --------

@@ -37,7 +37,9 @@ class SemiDerivative(FullRule):
     On rates it is a semi-integral of g (q = −1/2 in thesis eqs. 5-5 and 5-6), on slips the semi-derivative of f
     (q = +1/2). As published the series ends one sample before the oldest.
 
-    References: Tatom (1988), Appl. Sci. Res. 45, 283; Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513;
+    References
+    ----------
+    Tatom (1988), Appl. Sci. Res. 45, 283; Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513;
     Oldham & Spanier (1974), The Fractional Calculus.
 
     Examples
