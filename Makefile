@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report report-full test lint clean
+.PHONY: report report-full test lint api clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
@@ -30,5 +30,9 @@ lint: .venv/.ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+api: .venv/.ready  ## pages of every public docstring in reports/api/, of the modules that tests/test_docstrings.py holds to account
+	PYTHONPATH=.:tests $(BIN)/pdoc --docformat numpy --no-show-source -o reports/api \
+		$$(PYTHONPATH=.:tests $(BIN)/python -c 'from test_docstrings import MODULES; print(*MODULES)')
+
 clean:
-	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv build reports/api *.egg-info .pytest_cache .mypy_cache .ruff_cache
