@@ -410,7 +410,7 @@ def differentiate(fun, problem, state):
 
 
 @shared
-def judge(problem, state, error, power):
+def judge(problem: Problem, state: State, error: float, power: float) -> int:
     """ACCEPTED or TOO_MANY; AGAIN after setting the next step to try, for an error that falls as step^power."""
     numbers = state.numbers
     if error <= 1.0:
