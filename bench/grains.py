@@ -39,6 +39,12 @@ def changed(content: Mapping[str, Any], without: tuple[str, ...] = (), **tables:
     return result
 
 
+def at_fixed_steps(content: Mapping[str, Any], method: str, dt: float, jumps: int, history: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene at steps of `dt` d/u*, so many jumps long, with these fields of its history."""
+    own, run = {**content["history"], **history}, {**content["run"], "jumps": jumps}
+    return {**content, "solver": {"method": method, "dt": dt}, "history": own, "run": run}
+
+
 @dataclass(frozen=True)
 class Task:
     """One run and what is kept of it: a key of `KEPT`."""

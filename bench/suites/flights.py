@@ -20,7 +20,7 @@ from basset import measure
 from basset.kernels import Floats
 from basset.solvers import _march
 from bench import hand_written
-from bench.grains import base, changed
+from bench.grains import at_fixed_steps, base, changed
 from saltation import campaigns, flight
 from saltation.engine import Engine, Grain
 from saltation.scene import scene_of
@@ -168,8 +168,7 @@ def flown(rebound: str) -> Content:
 
 def fixed(content: Content, scheme: str, method: str, dt: float, jumps: int) -> Any:
     """The scene at fixed steps."""
-    own = {**content["history"], **SCHEMES[scheme]}
-    return scene_of({**content, "solver": {"method": method, "dt": dt}, "history": own, "run": {**content["run"], "jumps": jumps}})
+    return scene_of(at_fixed_steps(content, method, dt, jumps, SCHEMES[scheme]))
 
 
 def errors(table: Floats, reference: Floats) -> dict[str, Any]:

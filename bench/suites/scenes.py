@@ -1,0 +1,293 @@
+"""Which scheme, window, solver and step give mean jumps to a wanted error in the least time?
+
+All fly the same bed angles, so that errors are means of paired differences; their standard error tells scatter from scheme.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import saltation
+from basset.kernels import Floats
+from bench.grains import at_fixed_steps, base, changed
+from saltation import statistics
+from saltation.scene import scene_of
+
+NAME = "scenes"
+JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; one that a dear scheme can pay; left out of the means in both
+QUANTITIES = ("height", "length")
+REFERENCE = 1e-10  # rtol of the truth
+COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
+WHOLE, DROPPED, PUBLISHED, FITTED, SUMS = "whole past", "window, no tail", "window, published tail", "window, fitted tail", "exponentials"
+RTOLS = tuple(10.0**-k for k in range(2, 9))
+LADDER = (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5)  # dt in d/u*; every window is a whole number of each
+WINDOWS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # d/u*, of those without a tail
+REMEMBERED_JUMPS, THEIR_RTOL = (1, 2, 5, 10, 20, 50), 1e-5  # windows of collocation, in jumps
+THESIS = ("semi-derivative", HELD, 1e-3)  # what the thesis flies with
+TYPICAL = {"impulse": 1.5, "reset": 3.0}  # d/u*: a jump lasts so long
+PER_STEP, PER_SAMPLE, PER_NODE = 1.5e-6, 1.1e-9, 1e-6  # s: a step, a sample in its sum, a node ahead that an impact corrects; for planning alone
+CUT = 2.0  # so many times dearer may a short run be
+REPEATED = 0.3  # s: quicker runs are repeated, the quickest counts
+
+Content = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A history at fixed steps: what people call it, what it does with the past, its fields of [history], its degree."""
+
+    scheme: str
+    family: str
+    history: Mapping[str, Any] = field(hash=False)
+    degree: int | None = None  # of a product rule: Exponential of this degree has the same weights and the whole past
+
+    @property
+    def window(self) -> float:
+        """The window in d/u*, infinite for the whole past."""
+        return float(self.history.get("window", math.inf))
+
+
+def _contenders() -> tuple[Contender, ...]:
+    found = [
+        Contender("semi-derivative", WHOLE, {"scheme": "semi_derivative"}),
+        Contender("Euler–Maclaurin", WHOLE, {"scheme": "euler_maclaurin"}),
+        Contender("Brush", WHOLE, {"scheme": "brush"}),
+        *(Contender(f"Daitche({p})", WHOLE, {"scheme": "daitche", "order": p}, p) for p in (1, 2, 3)),
+        *(Contender(f"Daitche(2), window {w:g}", DROPPED, {"scheme": "windowed", "rule": "daitche", "order": 2, "window": w}, 2) for w in WINDOWS),
+        Contender("Hinsberg, window 1, no tail", DROPPED, {"scheme": "hinsberg", "window": 1.0, "tail": False}, 1),
+        *(Contender(f"Hinsberg, window {w:g}", PUBLISHED, {"scheme": "hinsberg", "window": w}, 1) for w in (0.1, 0.5, 2.0)),
+    ]
+    for tail, family in (("van_hinsberg", PUBLISHED), ("fitted", FITTED)):
+        for w in (0.5,) if family == PUBLISHED else (0.1, 1.0):
+            name = "van Hinsberg's tail" if family == PUBLISHED else "fitted tail"
+            fields = {"scheme": "windowed", "rule": "daitche", "order": 2, "window": w, "tail": tail}
+            found.append(Contender(f"Daitche(2), window {w:g}, {name}", family, fields, 2))
+    found += [Contender(f"Exponential({p})", SUMS, {"scheme": "exponential", "order": p}, p) for p in (1, 2, 3)]
+    rough = (1e-1, 1e-2, 1e-3, 1e-9)
+    found += [Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3) for rtol in rough]
+    return tuple(found)
+
+
+CONTENDERS = _contenders()
+FEWER = (  # where no takeoff has slip
+    "semi-derivative",
+    "Daitche(2)",
+    *(f"Daitche(2), window {w:g}" for w in (0.3, 1.0, 3.0)),
+    "Hinsberg, window 0.5",
+    "Daitche(2), window 0.1, fitted tail",
+    "Exponential(1)",
+    "Exponential(2)",
+    "Exponential(3)",
+)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One contender with its solver and step (collocation: its rtol), and how many jumps it is given."""
+
+    contender: Contender
+    method: str
+    size: float
+    jumps: int = JUMPS
+
+    def scene(self, rebound: str, seed: int, jumps: int | None = None) -> Content:
+        """The scene as a dictionary; its memory reaches far enough for all of the flight."""
+        content = changed(base("sand", 1, 0), run={"seed": seed}, history={"rebound": rebound, "horizon": horizon(self.contender, self.jumps, rebound)})
+        wanted = self.jumps if jumps is None else jumps
+        if self.method == COLLOCATION:
+            return changed(content, solver={"rtol": self.size}, history=self.contender.history, run={"jumps": wanted})
+        return at_fixed_steps(content, self.method, self.size, wanted, self.contender.history)
+
+    def fly(self, rebound: str, seed: int, jumps: int | None = None) -> tuple[float, Floats, str]:
+        """(CPU seconds, height and length of every jump, how it ended)."""
+        scene = scene_of(self.scene(rebound, seed, jumps))
+        gc.disable()
+        try:
+            start = time.process_time()
+            result = saltation.run(scene)
+            seconds = time.process_time() - start
+        finally:
+            gc.enable()
+        return seconds, result.all_jumps[list(QUANTITIES)].to_numpy(), result.message if result.status != "finished" else ""
+
+
+WHOLE_MEMORY = Contender("collocation", COLLOCATION, {})
+
+
+# Who flies, and how long
+
+
+def horizon(contender: Contender, jumps: int, rebound: str) -> float:
+    """The longest time that is remembered, d/u*; tight where all of it is corrected at every impact, ample elsewhere."""
+    return (1.25 if contender.family == WHOLE else 4.0) * TYPICAL[rebound] * jumps
+
+
+def predicted(contender: Contender, dt: float, jumps: int, rebound: str) -> float:
+    """Seconds that a run takes, roughly: enough to plan by."""
+    if contender.family == SUMS:
+        return TYPICAL[rebound] * jumps / dt * PER_STEP
+    steps, window = TYPICAL[rebound] * jumps / dt, contender.window / dt
+    ahead = min(window, horizon(contender, jumps, rebound) / dt) if contender.degree else 0.0
+    return steps * (PER_STEP + PER_SAMPLE * min(window, 0.5 * steps)) + jumps * PER_NODE * ahead
+
+
+def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[float], patience: float) -> list[Flight]:
+    """The steps that can be afforded: in full length, cut short, or not at all."""
+    flights = []
+    for dt in ladder:
+        always = rebound == "impulse" and (contender.scheme, method, dt) == THESIS
+        for jumps, most in ((JUMPS, patience), (SHORT, math.inf if always else CUT * patience)):
+            if predicted(contender, dt, jumps, rebound) <= most:
+                flights.append(Flight(contender, method, dt, jumps))
+                break
+    return flights
+
+
+def exact(jumps: int = JUMPS, rtol: float = REFERENCE) -> Flight:
+    """The truth."""
+    return Flight(WHOLE_MEMORY, COLLOCATION, rtol, jumps)
+
+
+def collocations(rebound: str) -> list[Flight]:
+    """Collocation at every tolerance, and with a memory of some jumps."""
+    flights = [Flight(WHOLE_MEMORY, COLLOCATION, rtol) for rtol in RTOLS]
+    if rebound == "impulse":
+        kept = [Contender(f"collocation, memory of {n} jump{'s' if n > 1 else ''}", COLLOCATION, {"window_jumps": n}) for n in REMEMBERED_JUMPS]
+        flights += [Flight(contender, COLLOCATION, THEIR_RTOL) for contender in kept]
+    return flights
+
+
+# Errors
+
+
+def paired(tables: Sequence[Floats], others: Sequence[Floats], means: Floats) -> dict[str, dict[str, float]]:
+    """Mean difference of jumps flown over the same bed, in units of the mean jump, its standard error, and that of single jumps.
+
+    One table per seed, (jumps, quantities); of the longer of two the first jumps are taken. Neighbouring jumps depend on each
+    other: the standard error of each seed's mean is by blocks, and seeds are independent.
+    """
+    found = {}
+    for k, name in enumerate(QUANTITIES):
+        apart = []
+        for table, other in zip(tables, others, strict=True):
+            count = min(len(table), len(other))
+            apart.append((table[:count, k] - other[:count, k]) / means[k])
+        errors = [statistics.standard_error(values) for values in apart]
+        every = np.concatenate(apart)
+        found[name] = {
+            "bias": float(np.mean([values.mean() for values in apart])),
+            "se": float(np.sqrt(np.sum(np.square(errors))) / len(errors)),
+            "rms": float(np.sqrt(np.mean(every**2))),
+            "max": float(np.abs(every).max()),
+        }
+    return found
+
+
+@dataclass
+class Log:
+    """What a flight has done over the seeds."""
+
+    tables: dict[int, Floats] = field(default_factory=dict)
+    seconds: list[float] = field(default_factory=list)
+    set_up: float = 0.0  # of one jump, nearly all of it before the first step
+    reason: str = ""
+
+
+def take_turns(flights: Sequence[Flight], rebound: str, seeds: Sequence[int], patience: float) -> dict[Flight, Log]:
+    """Every flight over the first seed, and the quick ones over the others too, in turn; seconds per jump without set-up."""
+    logs = {flight: Log() for flight in flights}
+    for seed in seeds:
+        for flight, log in logs.items():
+            fixed = flight.method != COLLOCATION
+            if log.reason or (seed != seeds[0] and fixed and predicted(flight.contender, flight.size, flight.jumps, rebound) > 0.25 * patience):
+                continue
+            if seed == seeds[0]:
+                flight.fly(rebound, seed, 1)  # compiles, and fills the tables
+                log.set_up = flight.fly(rebound, seed, 1)[0]
+            seconds, table, log.reason = flight.fly(rebound, seed)
+            if len(table) < flight.jumps:
+                log.reason = log.reason or f"ended after {len(table)} jumps"
+                continue
+            while_quick = 2 if fixed else 4
+            if seconds < REPEATED:
+                seconds = min(seconds, *(flight.fly(rebound, seed)[0] for _ in range(while_quick)))
+            log.tables[seed] = table[DISCARD:]
+            log.seconds.append(max(seconds - log.set_up, 0.0) / (flight.jumps - 1))
+    return logs
+
+
+def record_of(flight: Flight, log: Log, logs: Mapping[Flight, Log], truths: Mapping[int, Floats], means: Floats) -> dict[str, Any]:
+    """Time and errors of one flight, ready for JSON."""
+    contender = flight.contender
+    row: dict[str, Any] = {
+        "scheme": contender.scheme,
+        "family": contender.family,
+        "history": dict(contender.history),
+        "method": flight.method,
+        "size": flight.size,
+        "jumps": flight.jumps,
+        "seeds": len(log.tables),
+        "reason": log.reason,
+        "seconds": min(log.seconds, default=None),
+    }
+    if not log.tables:
+        return row | dict.fromkeys((*QUANTITIES, "truncation"))
+    tables = list(log.tables.values())
+    row |= paired(tables, [truths[seed] for seed in log.tables], means)
+    twin = next((other for other in logs if is_twin(other, flight)), None)
+    row["truncation"] = None
+    if twin is not None and all(seed in logs[twin].tables for seed in log.tables):
+        row["truncation"] = paired(tables, [logs[twin].tables[seed] for seed in log.tables], means)
+    return row
+
+
+def is_twin(other: Flight, flight: Flight) -> bool:
+    """Whether `other` differs from `flight` by remembering the whole past, and by nothing else: the same polynomials, solver and step."""
+    mine, its = flight.contender, other.contender
+    alike = its.degree is not None and its.degree == mine.degree and (other.method, other.size) == (flight.method, flight.size)
+    return alike and its.scheme == f"Exponential({its.degree})" != mine.scheme
+
+
+def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds: Sequence[int], patience: float) -> dict[str, Any]:
+    """All contenders in the sand scene, with one of its memories of rebounds."""
+    flights = collocations(rebound)
+    for contender in CONTENDERS:
+        if contender.scheme in names:
+            for method in (IMPLICIT, HELD):
+                flights += planned(contender, method, rebound, ladder, patience)
+    truths = {seed: exact().fly(rebound, seed)[1][DISCARD:] for seed in seeds}
+    others = {seed: exact(rtol=10.0 * REFERENCE).fly(rebound, seed)[1][DISCARD:] for seed in seeds}
+    means = np.mean([table.mean(axis=0) for table in truths.values()], axis=0)
+    logs = take_turns(flights, rebound, seeds, patience)
+    apart = paired(list(others.values()), list(truths.values()), means)
+    scatter = [[statistics.standard_error(table[:, k]) for table in truths.values()] for k in range(len(QUANTITIES))]
+    return {
+        "rebound": rebound,
+        "mean": dict(zip(QUANTITIES, means, strict=True)),
+        "unpaired_se": {name: float(np.mean(errors) / means[k]) for k, (name, errors) in enumerate(zip(QUANTITIES, scatter, strict=True))},
+        "reference_apart": max(apart[name]["max"] for name in QUANTITIES),
+        "duration": float(np.mean([saltation.run(scene_of(exact().scene(rebound, seed))).jumps["duration"].mean() for seed in seeds[:1]])),
+        "records": [record_of(flight, log, logs, truths, means) for flight, log in logs.items()],
+    }
+
+
+def run(full: bool) -> dict[str, Any]:
+    """Errors of the mean jump and time of a jump, for every scheme, window and solver."""
+    ladder, seeds, patience = (LADDER, (1, 2, 3), 3.0) if full else (LADDER[:3], (1, 2), 0.6)
+    return {
+        "jumps": JUMPS,
+        "short": SHORT,
+        "discard": DISCARD,
+        "seeds": len(seeds),
+        "reference": REFERENCE,
+        "thesis": THESIS,
+        "impulse": measured("impulse", [contender.scheme for contender in CONTENDERS], ladder, seeds, patience),
+        "reset": measured("reset", FEWER, ladder, seeds, patience),
+    }
