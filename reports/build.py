@@ -12,11 +12,16 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import advice, analysis, figures, flights, grains, memory, saltation, solver
+from reports import advice, analysis, figures, flights, grains, memory, saltation, scenes, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.index import index
 from reports.page import HERE, Page, asked, factor, fill, footer, grouped, load, save, table, write
 
+PICTURES = {  # at the top of the front page: the thesis's two, and theirs for whole flights
+    "error_step": "Error of the history integral against the step: the thesis's fig. 5-4 again, on the page on [quadrature](quadrature.md).",
+    "accuracy_time": "Error of the history integral against time: the thesis's fig. 5-5 again, by three clocks.",
+    "scenes_accuracy": "Error of the mean jump against time: fig. 5-5 where it matters, in a [scene](scenes.md).",
+}
 SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")  # of the page on quadrature
 
 
@@ -335,6 +340,15 @@ PAGES = (
         build=flights.flights,
     ),
     Page(
+        name="scenes",
+        title="Which scheme, window and solver for a scene",
+        description="error of mean jumps against time, for all of them.",
+        opening=scenes.opening,
+        lead="scenes_accuracy.png",
+        shows="error of the mean jump against time",
+        build=scenes.scenes,
+    ),
+    Page(
         name="grains",
         title="What encounters change, and what a grain among many costs",
         description="the 24 runs of Table 4-1, spreading, and runs of up to 100 000 grains.",
@@ -350,8 +364,10 @@ PAGES = (
 def front(data: dict[str, Record]) -> str:
     """The page reports/README.md."""
     parts = ["# Reports", "Everything on one page, with tables that sort: open [index.html](index.html) in a browser; it needs no network."]
+    parts += [f"{line}\n\n![{name.replace('_', ' ')}](figures/{name}.png)" for name, line in PICTURES.items()]
     for page in PAGES:
-        parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data), f"![{page.shows}](figures/{page.lead})"]
+        parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data)]
+        parts += [f"![{page.shows}](figures/{page.lead})"] if page.lead.split(".")[0] not in PICTURES else []
     return "\n\n".join([*parts, footer(data)])
 
 

@@ -71,7 +71,9 @@ def _contenders() -> tuple[Contender, ...]:
             found.append(Contender(f"Daitche(2), window {w:g}, {name}", family, fields, 2))
     found += [Contender(f"Exponential({p})", SUMS, {"scheme": "exponential", "order": p}, p) for p in (1, 2, 3)]
     rough = (1e-1, 1e-2, 1e-3, 1e-9)
-    found += [Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3) for rtol in rough]
+    found += [
+        Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3) for rtol in rough
+    ]
     return tuple(found)
 
 
