@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -13,7 +12,7 @@ from basset._look import legend as _legend
 from basset._look import slope as _slope
 from reports.analysis import Record, short
 
-COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
+COLLOCATION, IMPLICIT = "collocation", "fixed_step"
 DROPPED = "window, no tail"
 LOOKS: dict[str, tuple[str, str, str]] = {  # colour, marker, label
     "semi-derivative": (YELLOW, "v", "semi-derivative, whole past"),
@@ -26,8 +25,10 @@ LOOKS: dict[str, tuple[str, str, str]] = {  # colour, marker, label
     "Daitche(2), window 0.1, fitted tail": (PINK, "X", "window 0.1, fitted tail"),
     "Exponential(3)": (SKY, "P", "Exponential(3)"),
 }
-WINDOWED = "Daitche(2), window {}"
+WINDOWED = "Daitche(2), window {:g}"
 THEIRS = BROWN  # windows without a tail
+FLOORS = (0.1, 0.3, 1.0, 10.0)  # those that are shown
+BOTTOM = 1e-3  # per cent: collocation goes on below
 TITLES = {"height": "mean height", "length": "mean length"}
 
 
@@ -39,97 +40,140 @@ def step(size: float) -> str:
     return short(size, digits)
 
 
-def _known(records: list[Record], quantity: str) -> list[tuple[float, float, bool]]:
-    """(time in µs, error in per cent, whether it stands out of its scatter) by falling step; an upper bound where it does not."""
-    found = []
-    for r in sorted(records, key=lambda r: -r["size"]):
-        bias, se = abs(r[quantity]["bias"]), r[quantity]["se"]
-        found.append((1e6 * r["seconds"], 100.0 * (bias if bias > se else bias + 2.0 * se), bias > se))
-    return found
+def _known(found: Record) -> tuple[float, bool]:
+    """(error in per cent, whether it stands out of its scatter); an upper bound where it does not."""
+    bias, se = abs(found["bias"]), found["se"]
+    return 100.0 * (bias if bias > se else bias + 2.0 * se), bias > se
+
+
+def _points(records: list[Record], quantity: str) -> list[tuple[float, float, bool]]:
+    """(time in µs, error in per cent, whether it stands out) by falling step."""
+    return [(1e6 * r["seconds"], *_known(r[quantity])) for r in sorted(records, key=lambda r: -r["size"])]
 
 
 def _line(axes: Any, points: list[tuple[float, float, bool]], colour: str, marker: str, dash: str = "-", **more: Any) -> None:
-    """A line with hollow markers where the error is no more than an upper bound."""
-    if not points:
-        return
-    label = more.pop("label", None)
-    axes.loglog([x for x, _, _ in points], [y for _, y, _ in points], dash, color=colour, label=label, marker=marker, **more)
+    """A line, with hollow markers where the error is no more than an upper bound."""
+    axes.loglog([x for x, _, _ in points], [y for _, y, _ in points], dash, color=colour, marker=marker, **more)
     bounds = [(x, y) for x, y, known in points if not known]
-    more = {"markersize": more.get("markersize", 5), "zorder": 6}
-    axes.loglog([x for x, _ in bounds], [y for _, y in bounds], marker, color=colour, markerfacecolor="white", **more)
+    axes.plot([x for x, _ in bounds], [y for _, y in bounds], marker, color=colour, markerfacecolor="white", zorder=6)
+
+
+def _floors(axes: Any, records: list[Record], quantity: str) -> None:
+    """Windows without a tail, each labelled by its length."""
+    for w in FLOORS:
+        own = [r for r in records if r["scheme"] == WINDOWED.format(w) and r["method"] == IMPLICIT]
+        if not own:
+            continue
+        points = _points(own, quantity)
+        _line(axes, points, THEIRS, ".", linewidth=1.0, label="window without a tail, length in d/u*" if w == 1.0 else None)
+        axes.annotate(f"{w:g}", points[-1][:2], xytext=(5, 0), textcoords="offset points", color=THEIRS, fontsize=9, va="center")
+        lucky = min(own, key=lambda r: abs(r[quantity]["bias"]))
+        if lucky["truncation"] is not None and abs(lucky[quantity]["bias"]) < 0.25 * abs(lucky["truncation"][quantity]["bias"]):
+            where = (1e6 * lucky["seconds"], _known(lucky[quantity])[0])
+            axes.annotate(
+                "step and window\ncancel by chance", where, xytext=(0, -8), textcoords="offset points", color=THEIRS, fontsize=8, ha="center", va="top"
+            )
+
+
+def _collocation(axes: Any, records: list[Record], quantity: str) -> None:
+    """The collocation, down to the end of the axis; how far it goes beyond in words."""
+    own = sorted((r for r in records if r["scheme"] == COLLOCATION), key=lambda r: -r["size"])
+    points = _points(own, quantity)
+    _line(axes, points, PURPLE, "*", markersize=10, linewidth=2.4, label="collocation", zorder=5)
+    for k, (r, (x, y, _)) in enumerate(zip(own, points, strict=True)):
+        if y > BOTTOM:
+            near = k > 0 and abs(np.log10(y / points[k - 1][1])) < 0.2  # the next label above or below would be covered
+            text = ("rtol " if k == 0 else "") + short(r["size"])
+            left = {"xytext": (9, 4), "ha": "left"} if near else {"xytext": (-9, 0), "ha": "right"}
+            axes.annotate(text, (x, y), textcoords="offset points", va="center", color=PURPLE, fontsize=9, **left)
+    text = f"on to {points[-1][1]:.0e} %\n(rtol {short(own[-1]['size'])}, {points[-1][0]:.0f} µs)".replace("e-0", "e-")
+    axes.annotate(text, (points[-1][0], BOTTOM), xytext=(0, 16), textcoords="offset points", color=PURPLE, fontsize=9)
 
 
 def accuracy(data: Record, memory: str) -> Any:
-    """Error of the mean jump against time per jump."""
-    figure, panels = plt.subplots(1, 2, figsize=(12.0, 6.8), sharey=True)
+    """Error of the mean jump against time per jump, implicit steps."""
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 7.2), sharey=True)
     records = [r for r in data[memory]["records"] if r["height"] is not None]
-    windows = sorted({r["history"]["window"] for r in records if r["family"] == DROPPED and r["scheme"].startswith("Daitche")})
+    scheme, method, dt = data["thesis"]
+    thesis = [r for r in records if (r["scheme"], r["method"]) == (scheme, method) and np.isclose(r["size"], dt)]
     for axes, quantity in zip(panels, TITLES, strict=True):
-        for w in windows:
-            own = [r for r in records if r["scheme"] == WINDOWED.format(f"{w:g}") and r["method"] == IMPLICIT]
-            points = _known(own, quantity)
-            _line(axes, points, THEIRS, ".", linewidth=1.0, label="window without a tail (its length in d/u*)" if w == windows[0] else None)
-            axes.annotate(f"{w:g}", points[-1][:2], xytext=(5, 0), textcoords="offset points", color=THEIRS, fontsize=9, va="center")
-        for scheme, (colour, marker, label) in LOOKS.items():
-            for method, dash in ((IMPLICIT, "-"), (HELD, ":")):
-                own = [r for r in records if r["scheme"] == scheme and r["method"] == method]
-                _line(axes, _known(own, quantity), colour, marker, dash, label=label if method == IMPLICIT else None, linewidth=1.2)
-        own = [r for r in records if r["scheme"] == COLLOCATION]
-        points = _known(own, quantity)
-        _line(axes, points, PURPLE, "*", markersize=10, linewidth=2.4, label="collocation", zorder=5)
-        for r, (x, y, _) in zip(sorted(own, key=lambda r: -r["size"]), points, strict=True):
-            text = ("rtol " if r["size"] > 9e-3 else "") + short(r["size"])
-            axes.annotate(text, (x, y), xytext=(-9, -2), textcoords="offset points", ha="right", va="center", color=PURPLE, fontsize=9)
-        axes.set(title=TITLES[quantity], xlabel="CPU time per jump, one core (µs)")
+        _floors(axes, records, quantity)
+        for name, (colour, marker, label) in LOOKS.items():
+            own = [r for r in records if r["scheme"] == name and r["method"] == IMPLICIT]
+            if own:
+                _line(axes, _points(own, quantity), colour, marker, label=label, linewidth=1.2)
+        _collocation(axes, records, quantity)
+        for r in thesis:
+            where, up = (1e6 * r["seconds"], _known(r[quantity])[0]), (0, 26)
+            arrow = {"arrowstyle": "-", "color": "#444444", "linewidth": 0.8}
+            text = f"the thesis's way\n(RK4, dt {dt:g})"
+            axes.annotate(text, where, xytext=up, textcoords="offset points", ha="center", color="#444444", fontsize=9, arrowprops=arrow)
+        axes.set(title=TITLES[quantity], xlabel="CPU time per jump, one core (µs)", ylim=(BOTTOM, 1.5e2))
     low, high = panels[0].get_xlim()
     for axes in panels:
-        axes.set_xlim(low / 3.0, 1.6 * high)
-        if memory == "impulse":
-            _slope(axes, 3e2, 6.5, 1.1e4, -0.5, "t$^{-1/2}$", "left")
-        else:
-            _slope(axes, 4e2, 0.3, 1.2e4, -1.0, "t$^{-1}$", "left")
+        axes.set_xlim(low / 2.5, 1.5 * high)
+        _slope(axes, *((7e2, 2.2, 3e4, -0.5, "t$^{-1/2}$") if memory == "impulse" else (3e2, 0.35, 1.6e4, -1.0, "t$^{-1}$")), "right")
     panels[0].set_ylabel("error of the mean (%)")
     titles = {
-        "impulse": "Rebounds remembered: the whole past leaves the step's error, a window without a tail adds a floor; collocation has neither",
-        "reset": "Memory wiped at rebounds: fixed steps are of first order, windows shorter than a flight keep their floor, collocation stays far below",
+        "impulse": "Rebounds remembered: fixed steps err as √dt whatever the scheme, a window without a tail adds a floor; collocation does neither",
+        "reset": "Memory wiped at rebounds: fixed steps are of first order, windows shorter than a flight keep a floor, collocation stays far below",
     }
     figure.suptitle(titles[memory])
-    panels[0].plot([], [], ":", color="#666666", label="the same with RK4, history held")
-    panels[0].plot([], [], "o", color="#666666", markerfacecolor="white", label="no more than an upper bound")
     _legend(figure, panels[0], 4)
     return figure
 
 
+def _pieces(points: list[tuple[float, Record]]) -> list[list[tuple[float, float, bool]]]:
+    """Truncation against the window, cut where its sign changes: the logarithm of its size would join what passes through zero."""
+    pieces: list[list[tuple[float, float, bool]]] = []
+    sign = 0.0
+    for x, found in points:
+        value, known = _known(found)
+        if not pieces or (known and sign and np.sign(found["bias"]) != sign):
+            pieces.append([])
+        pieces[-1].append((x, value, known))
+        sign = np.sign(found["bias"]) if known else sign
+    return pieces
+
+
 def windows(data: Record) -> Any:
     """What a cut memory does by itself, against the window: dropped, published tail, fitted tail."""
-    figure, panels = plt.subplots(1, 2, figsize=(12.0, 5.6), sharey=True)
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 6.0), sharey=True)
     records = [r for r in data["impulse"]["records"] if r["height"] is not None]
-    steps = {4e-3: ":", 1e-3: "-"}
-    groups: tuple[tuple[str, str, str, Callable[[Record], bool]], ...] = (
-        ("no tail", THEIRS, "o", lambda r: r["family"] == DROPPED and r["scheme"].startswith("Daitche")),
-        ("published tail (Hinsberg)", RED, "s", lambda r: r["family"] == "window, published tail" and r["scheme"].startswith("Hinsberg")),
-        ("fitted tail, rtol 1e-6", PINK, "X", lambda r: r["family"] == "window, fitted tail"),
+    duration, steps = data["impulse"]["duration"], {4e-3: ":", 1e-3: "-"}
+    groups = (
+        ("no tail", THEIRS, "o", DROPPED, "Daitche"),
+        ("published tail (Hinsberg)", RED, "s", "window, published tail", "Hinsberg"),
+        ("fitted tail, rtol 1e-6", PINK, "X", "window, fitted tail", "Daitche"),
     )
     for axes, quantity in zip(panels, TITLES, strict=True):
-        for name, colour, marker, chosen in groups:
+        for name, colour, marker, family, rule in groups:
             for dt, dash in steps.items():
-                own = [r for r in records if chosen(r) and r["method"] == IMPLICIT and np.isclose(r["size"], dt) and r["truncation"] is not None]
-                points = [(r["history"]["window"], 100.0 * abs(r["truncation"][quantity]["bias"]), 200.0 * r["truncation"][quantity]["se"]) for r in own]
-                label = name if dt == 1e-3 else None
-                hollow = {"markerfacecolor": "white"} if dash == ":" else {}
-                axes.loglog([x for x, _, _ in points], [max(y, 1e-6) for _, y, _ in points], dash, color=colour, marker=marker, label=label, **hollow)
+                own = [r for r in records if r["family"] == family and r["scheme"].startswith(rule) and r["method"] == IMPLICIT and np.isclose(r["size"], dt)]
+                points = sorted(((r["history"]["window"], r["truncation"][quantity]) for r in own if r["truncation"] is not None), key=lambda pair: pair[0])
+                for k, piece in enumerate(_pieces(points)):
+                    _line(axes, piece, colour, marker, dash, label=name if dash == "-" and k == 0 else None)
         kept = [r for r in records if "window_jumps" in r["history"]]
-        duration = data["impulse"]["duration"]
-        x, y = [duration * r["history"]["window_jumps"] for r in kept], [100.0 * abs(r[quantity]["bias"]) for r in kept]
-        axes.loglog(x, y, "-", color=PURPLE, marker="*", markersize=9, label="no tail, window in whole jumps (collocation: no error of the step)")
-        twin = {dt: next(r for r in records if r["scheme"] == "Exponential(2)" and r["method"] == IMPLICIT and np.isclose(r["size"], dt)) for dt in steps}
-        for dt, r in twin.items():
-            level = 100.0 * abs(r[quantity]["bias"])
-            axes.axhline(level, color="#999999", linewidth=0.8, linestyle=steps[dt])
-            axes.annotate(f"the step's own error at dt {step(dt)}", (0.1, level), xytext=(0, 2), textcoords="offset points", color="#666666", fontsize=8)
+        for piece in _pieces([(duration * r["history"]["window_jumps"], r[quantity]) for r in kept]):
+            _line(axes, piece, PURPLE, "*", label="no tail, memory of 1 to 50 whole jumps (collocation: the step does not err)", markersize=9)
+        for dt, dash in steps.items():
+            level = _known(next(r for r in records if (r["scheme"], r["method"]) == ("Exponential(2)", IMPLICIT) and np.isclose(r["size"], dt))[quantity])[0]
+            axes.axhline(level, color="#999999", linewidth=0.9, linestyle=dash, zorder=1)
+            text = f"what the step errs at dt {step(dt)}"
+            axes.annotate(
+                text, (1.0, level), xycoords=("axes fraction", "data"), xytext=(-2, 2), textcoords="offset points", ha="right", color="#666666", fontsize=8
+            )
+        for r in records:
+            if r["scheme"] in (WINDOWED.format(0.1), WINDOWED.format(30.0)) and r["method"] == IMPLICIT and np.isclose(r["size"], 1e-3):
+                found = r["truncation"][quantity]
+                where = (r["history"]["window"], 100.0 * abs(found["bias"]))
+                text = "too high" if quantity == "height" else "too long"
+                text = text if found["bias"] > 0.0 else {"height": "too low", "length": "too short"}[quantity]
+                axes.annotate(text, where, xytext=(8, 2 if found["bias"] > 0.0 else -14), textcoords="offset points", color=THEIRS, fontsize=9)
         axes.set(title=TITLES[quantity], xlabel=f"window (d/u*); a jump lasts {duration:.1f}")
     panels[0].set_ylabel("error by the cut memory alone (%)")
-    panels[0].plot([], [], ":", color="#666666", marker="o", markerfacecolor="white", label="the same at dt 0.004: no step size removes it")
-    figure.suptitle("What a window drops no step brings back; a tail brings it back, a fitted one to what it promised")
+    panels[0].plot([], [], ":", color="#666666", marker="o", label="the same at dt 0.004")
+    panels[0].plot([], [], "o", color="#666666", markerfacecolor="white", linestyle="", label="within its scatter: upper bound")
+    figure.suptitle("What a window drops no step brings back; a tail does")
     _legend(figure, panels[0], 3)
     return figure

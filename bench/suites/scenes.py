@@ -27,13 +27,14 @@ REFERENCE = 1e-10  # rtol of the truth
 COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
 WHOLE, DROPPED, PUBLISHED, FITTED, SUMS = "whole past", "window, no tail", "window, published tail", "window, fitted tail", "exponentials"
 RTOLS = tuple(10.0**-k for k in range(2, 9))
-LADDER = (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5)  # dt in d/u*; every window is a whole number of each
+LADDER = (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5, 2e-5)  # dt in d/u*; every window is a whole number of each
+FLOORED = 2.5e-4  # the finest of those whose memory's own error is what is looked for
 WINDOWS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # d/u*, of those without a tail
 REMEMBERED_JUMPS, THEIR_RTOL = (1, 2, 5, 10, 20, 50), 1e-5  # windows of collocation, in jumps
 THESIS = ("semi-derivative", HELD, 1e-3)  # what the thesis flies with
 TYPICAL = {"impulse": 1.5, "reset": 3.0}  # d/u*: a jump lasts so long
-PER_STEP, PER_SAMPLE, PER_NODE = 1.5e-6, 1.1e-9, 1e-6  # s: a step, a sample in its sum, a node ahead that an impact corrects; for planning alone
-CUT = 2.0  # so many times dearer may a short run be
+PER_STEP, PER_SAMPLE, PER_NODE = 1.2e-6, 1.1e-9, 4e-7  # s: a step, a sample in its sum, a node ahead that an impact corrects; for planning alone
+CUT = 2.5  # so many times dearer may a short run be
 REPEATED = 0.3  # s: quicker runs are repeated, the quickest counts
 
 Content = dict[str, Any]
@@ -47,6 +48,7 @@ class Contender:
     family: str
     history: Mapping[str, Any] = field(hash=False)
     degree: int | None = None  # of a product rule: Exponential of this degree has the same weights and the whole past
+    finest: float = 0.0  # dt beyond which nothing new is seen
 
     @property
     def window(self) -> float:
@@ -60,8 +62,8 @@ def _contenders() -> tuple[Contender, ...]:
         Contender("Euler–Maclaurin", WHOLE, {"scheme": "euler_maclaurin"}),
         Contender("Brush", WHOLE, {"scheme": "brush"}),
         *(Contender(f"Daitche({p})", WHOLE, {"scheme": "daitche", "order": p}, p) for p in (1, 2, 3)),
-        *(Contender(f"Daitche(2), window {w:g}", DROPPED, {"scheme": "windowed", "rule": "daitche", "order": 2, "window": w}, 2) for w in WINDOWS),
-        Contender("Hinsberg, window 1, no tail", DROPPED, {"scheme": "hinsberg", "window": 1.0, "tail": False}, 1),
+        *(Contender(f"Daitche(2), window {w:g}", DROPPED, {"scheme": "windowed", "rule": "daitche", "order": 2, "window": w}, 2, FLOORED) for w in WINDOWS),
+        Contender("Hinsberg, window 1, no tail", DROPPED, {"scheme": "hinsberg", "window": 1.0, "tail": False}, 1, FLOORED),
         *(Contender(f"Hinsberg, window {w:g}", PUBLISHED, {"scheme": "hinsberg", "window": w}, 1) for w in (0.1, 0.5, 2.0)),
     ]
     for tail, family in (("van_hinsberg", PUBLISHED), ("fitted", FITTED)):
@@ -72,7 +74,8 @@ def _contenders() -> tuple[Contender, ...]:
     found += [Contender(f"Exponential({p})", SUMS, {"scheme": "exponential", "order": p}, p) for p in (1, 2, 3)]
     rough = (1e-1, 1e-2, 1e-3, 1e-9)
     found += [
-        Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3) for rtol in rough
+        Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3, FLOORED)
+        for rtol in rough
     ]
     return tuple(found)
 
@@ -137,15 +140,16 @@ def predicted(contender: Contender, dt: float, jumps: int, rebound: str) -> floa
         return TYPICAL[rebound] * jumps / dt * PER_STEP
     steps, window = TYPICAL[rebound] * jumps / dt, contender.window / dt
     ahead = min(window, horizon(contender, jumps, rebound) / dt) if contender.degree else 0.0
-    return steps * (PER_STEP + PER_SAMPLE * min(window, 0.5 * steps)) + jumps * PER_NODE * ahead
+    past = 0.5 * (steps / jumps if rebound == "reset" else steps)
+    return steps * (PER_STEP + PER_SAMPLE * min(window, past)) + jumps * PER_NODE * ahead
 
 
 def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[float], patience: float) -> list[Flight]:
-    """The steps that can be afforded: in full length, cut short, or not at all."""
+    """The steps that can be afforded: in full length, cut short, or not at all. The whole past, dearer with every jump, is always cut."""
     flights = []
-    for dt in ladder:
+    for dt in (dt for dt in ladder if dt >= contender.finest):
         always = rebound == "impulse" and (contender.scheme, method, dt) == THESIS
-        for jumps, most in ((JUMPS, patience), (SHORT, math.inf if always else CUT * patience)):
+        for jumps, most in ((JUMPS, 0.0 if contender.family == WHOLE else patience), (SHORT, math.inf if always else CUT * patience)):
             if predicted(contender, dt, jumps, rebound) <= most:
                 flights.append(Flight(contender, method, dt, jumps))
                 break

@@ -96,7 +96,7 @@ def test_an_error_within_its_scatter_is_an_upper_bound():
     assert not scenes.scatters(told, "height") and scenes.scatters(untold, "height")
     assert scenes.upper(told, "height") == pytest.approx(0.012) and scenes.upper(untold, "height") == pytest.approx(2.1e-3)
     assert scenes.error_cell(told, "height") == "-1" and scenes.error_cell(untold, "height") == "≤ 0.2"
-    assert scenes_figures._known([untold], "length") == [(1e3, pytest.approx(0.21), False)]
+    assert scenes_figures._points([untold], "length") == [(1e3, pytest.approx(0.21), False)]
 
 
 def test_an_error_that_is_small_by_cancellation_counts_in_full():
