@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Sequence
 
 import basset
@@ -16,6 +18,8 @@ COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
 STEPPED = {IMPLICIT: "implicit", HELD: "RK4"}
 WHOLE, DROPPED, PUBLISHED, FITTED, SUMS = "whole past", "window, no tail", "window, published tail", "window, fitted tail", "exponentials"
 QUANTITIES = ("height", "length")
+SHIPPED = 1e-5  # rtol of the scene as it is
+COMMON = 1e-3  # dt of comparisons, d/u*
 BOUNDS = (0.1, 0.03, 0.01, 0.003, 0.001)
 MEMORIES = {"impulse": "rebounds remembered", "reset": "memory wiped at rebounds"}
 
@@ -87,23 +91,38 @@ def least(records: Sequence[Record], quantity: str) -> Record:
     return min(flown(records), key=lambda r: counted(r, quantity))
 
 
-def choice(records: Sequence[Record], bound: float, quantity: str) -> str:
-    """The quickest fixed steps as a table cell."""
+def extrapolated(records: Sequence[Record], bound: float, quantity: str) -> tuple[float, str] | None:
+    """(seconds, scheme) of what would be the quickest within an error that none has reached, were its error to go on as the root of dt."""
+    found = []
+    for name, rows in ladders(records, quantity).items():
+        last = rows[-1]
+        if last["family"] == SUMS and last["truncation"] is None:
+            found.append((last["seconds"] * (last["error"] / bound) ** 2, name))
+    return min(found) if found else None
+
+
+def choice(records: Sequence[Record], bound: float, quantity: str, ours: Record | None) -> list[str]:
+    """The quickest fixed steps and their time over collocation's, as table cells."""
     best, others = fastest(stepped(records), bound, quantity)
     if best is None:
-        return "none"
-    also = f" (as quick: {', '.join(sized(r) for r in others[:2])}{f' and {len(others) - 2} more' if len(others) > 2 else ''})" if others else ""
-    return f"{seconds(best['seconds'])}: {sized(best)}{also}"
+        further = extrapolated(stepped(records), bound, quantity)
+        if further is None or ours is None:
+            return ["none", "–"]
+        time, name = float(f"{further[0]:.1g}"), further[1]
+        ratio = float(f"{further[0] / ours['seconds']:.1g}")
+        return [f"none; extrapolated, about {seconds(time)}: {name}", f"≈ {factor(ratio)} ×"]
+    also = f" (as quick: {sized(others[0])}{f' and {len(others) - 1} more' if len(others) > 1 else ''})" if others else ""
+    return [f"{seconds(best['seconds'])}: {sized(best)}{also}", f"{factor(best['seconds'] / ours['seconds'])} ×" if ours else "–"]
 
 
 def cheapest_table(records: Sequence[Record], quantity: str) -> str:
     """The quickest way to each error: of all, and at fixed steps."""
     rows = []
     for bound in BOUNDS:
-        ours, theirs = fastest(collocated(records), bound, quantity)[0], fastest(stepped(records), bound, quantity)[0]
-        ratio = f"{factor(theirs['seconds'] / ours['seconds'])} ×" if ours and theirs else "–"
-        cells = [f"**{seconds(ours['seconds'])}**: rtol {short(ours['size'])}" if ours else "none", choice(records, bound, quantity), ratio]
-        rows.append([percent(bound), *cells])
+        ours = fastest(collocated(records), bound, quantity)[0]
+        rows.append(
+            [percent(bound), f"**{seconds(ours['seconds'])}**: rtol {short(ours['size'])}" if ours else "none", *choice(records, bound, quantity, ours)]
+        )
     return table([f"error of the mean {quantity}", "collocation, per jump", "quickest fixed steps, per jump", "ratio"], rows)
 
 
@@ -125,7 +144,7 @@ def toml(record: Record) -> str:
 def signed(value: float) -> str:
     """A share in per cent with its sign, two digits."""
     text = f"{100.0 * value:+.2g}"
-    return text if "e" not in text else f"{100.0 * value:+.1e}"
+    return text if "e" not in text else ("+" if value > 0.0 else "-") + short(100.0 * abs(value))
 
 
 def error_cell(record: Record, quantity: str) -> str:
@@ -191,8 +210,8 @@ def window_table(records: Sequence[Record]) -> str:
         heights = [share(own[step]["truncation"]["height"]) if step in own else "" for step in steps]
         rows.append([scheme, *heights, share(finest["truncation"]["length"]), signed(finest["height"]["bias"] - finest["truncation"]["height"]["bias"])])
     for r in kept_jumps(records):
-        rows.append([r["scheme"], *["", ""][: len(steps) - 1], share(r["height"]), share(r["length"]), "none"])
-    head = [*(f"height, dt = {figures.step(step)}" for step in steps), "length, its finest dt", "height: the step's own error there"]
+        rows.append([r["scheme"], *[""] * (len(steps) - 1), share(r["height"]), share(r["length"]), "none"])
+    head = [*(f"height, dt = {figures.step(step)}" for step in steps), "length, its finest dt", "height: what the step errs there"]
     return table(["truncation alone, %", *head], rows)
 
 
@@ -208,8 +227,23 @@ def at(records: Sequence[Record], scheme: str, size: float | None = None, method
 
 
 def floor(records: Sequence[Record], scheme: str, quantity: str = "height") -> float:
-    """What the cut memory does alone, at the finest step."""
-    return abs(float(at(records, scheme)["truncation"][quantity]["bias"]))
+    """What the cut memory does alone; an upper bound where it cannot be told from scatter."""
+    found = at(records, scheme, COMMON)["truncation"][quantity]
+    return float(abs(found["bias"]) + (2.0 * found["se"] if abs(found["bias"]) <= found["se"] else 0.0))
+
+
+def solvers_apart(records: Sequence[Record]) -> tuple[float, float, float]:
+    """RK4 over the implicit step, whole memory or a good tail: (median of errors of the height, the largest, median of times)."""
+    held = {(r["scheme"], r["size"]): r for r in stepped(records) if r["method"] == HELD and r["family"] != DROPPED}
+    pairs = [(held[r["scheme"], r["size"]], r) for r in stepped(records) if r["method"] == IMPLICIT and (r["scheme"], r["size"]) in held]
+    errors = [abs(one["height"]["bias"] / two["height"]["bias"]) for one, two in pairs]
+    return statistics.median(errors), max(errors), statistics.median(one["seconds"] / two["seconds"] for one, two in pairs)
+
+
+def luckiest(records: Sequence[Record]) -> Record:
+    """Where step and window cancel most."""
+    cut = [r for r in stepped(records) if r["truncation"] is not None and r["family"] == DROPPED]
+    return min(cut, key=lambda r: abs(r["height"]["bias"]) / abs(r["truncation"]["height"]["bias"]))
 
 
 # The page
@@ -272,7 +306,9 @@ def opening(data: dict[str, Record]) -> str:
         one=percent(floor(records, "Daitche(2), window 1")),
         ten=percent(floor(records, "Daitche(2), window 10")),
         published=percent(floor(records, "Hinsberg, window 0.5")),
-        fitted=percent(max(floor(records, "Daitche(2), window 0.1, fitted tail"), 1e-7)),
+        fitted=percent(floor(records, "Daitche(2), window 0.1, fitted tail")),
+        common=figures.step(COMMON),
+        window_time=factor(at(records, "Daitche(2), window 1", COMMON)["seconds"] / at(records, "Exponential(2)", COMMON)["seconds"]),
     )
 
 
@@ -327,7 +363,8 @@ def scenes(data: dict[str, Record]) -> str:
     rows, ours, thesis = targets(found), loosest(found), thesis_record(found)
     fixed_best = fastest(stepped(records), BOUNDS[0], "height")[0] or least(stepped(records), "height")
     tightest = fastest(collocated(records), BOUNDS[-1], "height")[0] or ours
-    narrow = at(records, "Daitche(2), window 1")
+    lucky, apart = luckiest(records), solvers_apart(records)
+    shipped = of(collocated(records), size=SHIPPED)[0]
     return fill(
         "scenes.md",
         opening=opening(data),
@@ -336,9 +373,10 @@ def scenes(data: dict[str, Record]) -> str:
         seeds=found["seeds"],
         short=found["short"],
         reference=short(found["reference"]),
-        apart=short(max(found[key]["reference_apart"] for key in MEMORIES), 1),
-        unpaired=percent(found["impulse"]["unpaired_se"]["height"]),
-        paired=percent(thesis["height"]["se"]),
+        truth=short(max(found[key]["reference_apart"] for key in MEMORIES), 1),
+        unpaired=percent(found["impulse"]["unpaired_se"]["height"] / math.sqrt(found["seeds"])),
+        paired=percent(at(records, "Exponential(2)", COMMON)["height"]["se"]),
+        paired_at=sized(at(records, "Exponential(2)", COMMON)),
         figure_accuracy=save(figures.accuracy(found, "impulse"), "scenes_accuracy"),
         figure_reset=save(figures.accuracy(found, "reset"), "scenes_reset"),
         figure_windows=save(figures.windows(found), "scenes_windows"),
@@ -357,7 +395,17 @@ def scenes(data: dict[str, Record]) -> str:
         thesis_ratio=factor(thesis["seconds"] / ours["seconds"]),
         windows=window_table(records),
         windows_reset=window_table(reset),
-        narrow_bias=signed(narrow["truncation"]["height"]["bias"]),
+        lucky=sized(lucky),
+        lucky_bias=percent(abs(lucky["height"]["bias"])),
+        lucky_cut=signed(lucky["truncation"]["height"]["bias"]),
+        lucky_step=signed(lucky["height"]["bias"] - lucky["truncation"]["height"]["bias"]),
+        solvers_error=f"{apart[0]:.2f}",
+        solvers_worst=f"{apart[1]:.2f}",
+        solvers_time=f"{apart[2]:.2f}",
+        shipped=short(shipped["size"]),
+        shipped_ratio=factor(shipped["seconds"] / ours["seconds"]),
+        shipped_single=f"{short(100.0 * shipped['height']['rms'])} %",
+        single=f"{100.0 * ours['height']['rms']:.1g} %",
         every=every_table(records),
         every_reset=every_table(reset),
         collocation=collocation_table(found),

@@ -127,3 +127,17 @@ def test_the_page_is_made_from_data_alone(tmp_path, monkeypatch):
     assert all(name in text for name in ALL)
     assert {path.stem for path in tmp_path.iterdir()} == {"scenes_accuracy", "scenes_reset", "scenes_windows"}
     assert text.startswith("# Accuracy against time") and scenes.opening(data) in text
+
+
+def test_what_is_out_of_reach_is_extrapolated_as_the_root_of_the_step():
+    rows = [record("S", size=dt, bias=0.1 * dt**0.5, se=0.0, seconds=1.0 / dt, family=scenes.SUMS) for dt in (1e-2, 1e-4)]
+    time, name = scenes.extrapolated([*rows, record("W", size=1e-4, bias=1e-9, se=0.0)], 1e-4, "height")
+    assert time == pytest.approx(1e6) and name == "S, implicit"
+    assert scenes.choice(rows, 1e-4, "height", record(seconds=1.0))[1] == "≈ 1 000 000 ×"
+
+
+def test_solvers_and_luck_are_told():
+    pairs = [record("A", bias=0.02, seconds=2.0), record("A", "runge_kutta_4", bias=-0.03, seconds=3.0)]
+    assert scenes.solvers_apart(pairs) == pytest.approx((1.5, 1.5, 1.5))
+    lucky = record("D", bias=0.001, truncation=-0.05, family=scenes.DROPPED)
+    assert scenes.luckiest([*pairs, record("D", bias=0.04, truncation=-0.05, family=scenes.DROPPED), lucky]) is lucky
