@@ -347,6 +347,7 @@ PAGES = (
         lead="scenes_accuracy.png",
         shows="error of the mean jump against time",
         build=scenes.scenes,
+        pictured=True,
     ),
     Page(
         name="grains",

@@ -141,6 +141,11 @@ def toml(record: Record) -> str:
 # Tables
 
 
+def small(value: float) -> str:
+    """A share in per cent, one digit."""
+    return f"{100.0 * value:.1g}" if value >= 1e-6 else short(100.0 * value)
+
+
 def signed(value: float) -> str:
     """A share in per cent with its sign, two digits."""
     text = f"{100.0 * value:+.2g}"
@@ -150,7 +155,7 @@ def signed(value: float) -> str:
 def error_cell(record: Record, quantity: str) -> str:
     """An error, or its upper bound where it cannot be told from scatter."""
     if scatters(record, quantity):
-        return f"≤ {100.0 * upper(record, quantity):.1g}"
+        return f"≤ {small(upper(record, quantity))}"
     return signed(record[quantity]["bias"])
 
 
@@ -181,7 +186,7 @@ def collocation_table(data: Record) -> str:
         cells = []
         for key in MEMORIES:
             other = of(collocated(data[key]["records"]), size=r["size"])[0]
-            cells += [f"{error_cell(other, 'height')} / {error_cell(other, 'length')}", f"{100.0 * other['height']['rms']:.1g}", seconds(other["seconds"])]
+            cells += [f"{error_cell(other, 'height')} / {error_cell(other, 'length')}", small(other["height"]["rms"]), seconds(other["seconds"])]
         rows.append([short(r["size"]), *cells])
     head = [f"{what}{text}" for text in MEMORIES.values() for what in ("% of height / of length, ", "% of a single height, ", "time, ")]
     return table(["rtol", *head], rows)
@@ -404,8 +409,8 @@ def scenes(data: dict[str, Record]) -> str:
         solvers_time=f"{apart[2]:.2f}",
         shipped=short(shipped["size"]),
         shipped_ratio=factor(shipped["seconds"] / ours["seconds"]),
-        shipped_single=f"{short(100.0 * shipped['height']['rms'])} %",
-        single=f"{100.0 * ours['height']['rms']:.1g} %",
+        shipped_single=f"{small(shipped['height']['rms'])} %",
+        single=f"{small(ours['height']['rms'])} %",
         every=every_table(records),
         every_reset=every_table(reset),
         collocation=collocation_table(found),

@@ -28,7 +28,8 @@ LOOKS: dict[str, tuple[str, str, str]] = {  # colour, marker, label
 WINDOWED = "Daitche(2), window {:g}"
 THEIRS = BROWN  # windows without a tail
 FLOORS = (0.1, 0.3, 1.0, 10.0)  # those that are shown
-BOTTOM = 1e-3  # per cent: collocation goes on below
+BOTTOM = 1e-4  # per cent: collocation goes on below
+CLEAR = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}  # behind labels that lines would cross
 TITLES = {"height": "mean height", "length": "mean length"}
 
 
@@ -66,7 +67,7 @@ def _floors(axes: Any, records: list[Record], quantity: str) -> None:
             continue
         points = _points(own, quantity)
         _line(axes, points, THEIRS, ".", linewidth=1.0, label="window without a tail, length in d/u*" if w == 1.0 else None)
-        axes.annotate(f"{w:g}", points[-1][:2], xytext=(5, 0), textcoords="offset points", color=THEIRS, fontsize=9, va="center")
+        axes.annotate(f"{w:g}", points[-1][:2], xytext=(5, 0), textcoords="offset points", color=THEIRS, fontsize=9, va="center", bbox=CLEAR)
         lucky = min(own, key=lambda r: abs(r[quantity]["bias"]))
         if lucky["truncation"] is not None and abs(lucky[quantity]["bias"]) < 0.25 * abs(lucky["truncation"][quantity]["bias"]):
             where = (1e6 * lucky["seconds"], _known(lucky[quantity])[0])
@@ -87,12 +88,13 @@ def _collocation(axes: Any, records: list[Record], quantity: str) -> None:
             left = {"xytext": (9, 4), "ha": "left"} if near else {"xytext": (-9, 0), "ha": "right"}
             axes.annotate(text, (x, y), textcoords="offset points", va="center", color=PURPLE, fontsize=9, **left)
     text = f"on to {points[-1][1]:.0e} %\n(rtol {short(own[-1]['size'])}, {points[-1][0]:.0f} µs)".replace("e-0", "e-")
-    axes.annotate(text, (points[-1][0], BOTTOM), xytext=(0, 16), textcoords="offset points", color=PURPLE, fontsize=9)
+    shown = max(x for x, y, _ in points if y > BOTTOM)
+    axes.annotate(text, (2.0 * shown, BOTTOM), xytext=(0, 16), textcoords="offset points", color=PURPLE, fontsize=9)
 
 
 def accuracy(data: Record, memory: str) -> Any:
     """Error of the mean jump against time per jump, implicit steps."""
-    figure, panels = plt.subplots(1, 2, figsize=(12.0, 7.2), sharey=True)
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 7.6), sharey=True)
     records = [r for r in data[memory]["records"] if r["height"] is not None]
     scheme, method, dt = data["thesis"]
     thesis = [r for r in records if (r["scheme"], r["method"]) == (scheme, method) and np.isclose(r["size"], dt)]
