@@ -365,7 +365,7 @@ PAGES = (
 def front(data: dict[str, Record]) -> str:
     """The page reports/README.md."""
     parts = ["# Reports", "Everything on one page, with tables that sort: open [index.html](index.html) in a browser; it needs no network."]
-    parts += [f"{line}\n\n![{name.replace('_', ' ')}](figures/{name}.png)" for name, line in PICTURES.items()]
+    parts += [f"{line}\n\n![{line.split(':')[0]}](figures/{name}.png)" for name, line in PICTURES.items()]
     for page in PAGES:
         parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data)]
         parts += [f"![{page.shows}](figures/{page.lead})"] if page.lead.split(".")[0] not in PICTURES else []
