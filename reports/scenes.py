@@ -43,9 +43,11 @@ def scatters(record: Record, quantity: str) -> bool:
 
 
 def counted(record: Record, quantity: str) -> float:
-    """The error that decides: the upper bound, but no less than what the truncation does alone, which the step may hide by chance."""
-    cut = abs(record["truncation"][quantity]["bias"]) if record["truncation"] is not None else 0.0
-    return max(upper(record, quantity), cut)
+    """The error that decides: the upper bound, but no less than what the step and the truncation do each alone, which may cancel by chance."""
+    if record["truncation"] is None:
+        return upper(record, quantity)
+    cut = record["truncation"][quantity]["bias"]
+    return float(max(upper(record, quantity), abs(cut), abs(record[quantity]["bias"] - cut)))
 
 
 # Time at equal error
