@@ -1,0 +1,139 @@
+"""The README's Python lines and every command in it: run as they stand, long ones shortened by what is said here."""
+
+import contextlib
+import os
+import re
+import shlex
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scene_cases import interpreted
+
+import basset.cli
+import bench.__main__
+import saltation.cli
+from saltation import advice, campaigns
+from saltation.scene import shipped
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.S | re.M)
+PYTHON = [code for language, code in BLOCKS if language == "python"]
+LINES = [line.split("  #")[0].strip() for language, code in BLOCKS if not language for line in code.splitlines()]
+INLINE = re.findall(r"`((?:make|saltation|basset|pytest|pip|python -m bench) [^`]+)`", TEXT)
+
+
+@pytest.mark.parametrize("code", PYTHON)
+def test_python_lines_keep_their_promises(code):
+    exec(code, {})
+
+
+def test_ten_lines_are_ten():
+    lines = PYTHON[0].split("\n\n", 1)[1].strip().splitlines()
+    assert len(lines) == 10
+    assert sum("assert" in line for line in lines) >= 3
+
+
+def test_every_command_is_known_to_these_tests():
+    assert {line.split()[0] for line in LINES} == {"make", "basset", "saltation", "dask"}
+    assert {line.split()[0] for line in INLINE} <= {"make", "basset", "saltation", "pytest", "pip", "python"}
+
+
+@pytest.mark.parametrize("line", [line for line in [*LINES, *INLINE] if line.startswith("make ")])
+def test_make_knows_its_targets(line):
+    done = subprocess.run([*shlex.split(line), "-n"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_inline_commands():
+    for line in INLINE:
+        words = shlex.split(line)
+        if words[0] == "python":
+            assert CliRunner().invoke(bench.__main__.main, words[3:]).exit_code == 0
+        elif words[0] == "pytest":
+            assert list((ROOT / words[1]).glob("bench_*.py"))
+        elif words[0] == "pip":
+            extra = re.fullmatch(r"basset\[(\w+)\]", words[2]).group(1)
+            assert f"\n{extra} = [" in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        elif words[0] in ("basset", "saltation") and len(words) > 1:
+            group = {"basset": basset.cli.main, "saltation": saltation.cli.main}[words[0]]
+            assert CliRunner().invoke(group, [words[1], "--help"]).exit_code == 0
+
+
+# Commands, in the order of the README, each using what those before left. What is long is shortened, and said here: the scenes fly
+# a few jumps, the thesis's campaigns are a few of their runs, and what only the advice compiles is run as plain Python.
+
+SHORT = {"jumps": 5, "discard": 1}
+PLAIN = ("ablate", "uncertainty", "gravel", "thesis")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder as a reader has it: a scene of his own, and samples."""
+    path = tmp_path_factory.mktemp("reader")
+    scene = shipped()["sand"].read_text(encoding="utf-8")
+    (path / "sand.toml").write_text(scene.replace("jumps = 220", "jumps = 5").replace("discard = 20", "discard = 1"), encoding="utf-8")
+    t = 0.05 * np.arange(401)
+    np.savetxt(path / "samples.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t,rate", comments="")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def short(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    for name in ("PILOT", "MOST", "TIMED"):
+        monkeypatch.setattr(advice, name, 4)
+    thesis = [(labels, advice.changed(scene, run=SHORT)) for labels, scene in campaigns.thesis()[:2]]
+    brief = [(labels, advice.changed(scene, run={"duration": 0.02 * scene.run.duration})) for labels, scene in campaigns.grains()[:2]]
+    monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: thesis, "grains": lambda: brief})
+
+
+def test_commands_one_after_the_other(monkeypatch):
+    for line in LINES:
+        words = shlex.split(line)
+        if words[0] not in ("basset", "saltation") or "<host>" in line:
+            continue
+        words += ["--set", "run.jumps=5", "--set", "run.discard=1"] if "gravel" in words else []
+        words += ["--set", "run.duration=0.1"] if "sand_cloud" in words else []
+        with monkeypatch.context() as here, interpreted() if any(word in words for word in PLAIN) else contextlib.nullcontext():
+            if any(word in words for word in PLAIN):
+                here.setattr(campaigns, "cores", lambda: 1)  # in this process
+            run(words)
+        for name in {"--output", "--animate"} & set(words):
+            assert Path(words[words.index(name) + 1]).exists(), line
+    assert Path("sand.png").exists() or list(Path().glob("sand-*.png")) or list(Path().glob("sand*.png"))
+
+
+def run(words):
+    """A command, which has to end well."""
+    group = {"basset": basset.cli.main, "saltation": saltation.cli.main}[words[0]]
+    found = CliRunner().invoke(group, words[1:], catch_exceptions=False)
+    assert found.exit_code == 0, (words, found.output)
+    assert found.stdout.strip(), words
+
+
+def test_several_machines():
+    """The three lines, with this machine for each of them."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    scheduler, worker, campaign = (
+        shlex.split(line.replace("<host>:8786", f"127.0.0.1:{port}")) for line in LINES if line.startswith("dask") or "<host>" in line
+    )
+    found = Path(sys.executable).parent / "dask"
+    scheduler = [str(found), *scheduler[1:], "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+    worker = [str(found), *worker[1:], "--no-dashboard"]
+    installed = {**os.environ, "PYTHONPATH": str(ROOT)}
+    processes = [subprocess.Popen(words, env=installed, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for words in (scheduler, worker)]
+    try:
+        run(campaign)
+    finally:
+        for process in reversed(processes):  # a worker waits for its scheduler
+            process.terminate()
+            process.wait(30)
+    assert (Path("out") / "table.csv").exists()
