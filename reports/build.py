@@ -12,7 +12,7 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import advice, analysis, figures, flights, grains, memory, saltation, scenes, solver
+from reports import advice, analysis, choosing, figures, flights, grains, memory, saltation, scenes, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.index import index
 from reports.page import HERE, Page, asked, factor, fill, footer, grouped, load, save, table, write
@@ -329,6 +329,15 @@ PAGES = (
         shows="height, length and speed among the regressions",
         build=saltation.saltation,
         pictured=True,
+    ),
+    Page(
+        name="choosing",
+        title="Which effects a scene calls for, and which choices matter",
+        description='`saltation advise`, `ablate`, `uncertainty` and `effects = "auto"`, against every set of effects.',
+        opening=choosing.opening,
+        lead="choosing_sets.png",
+        shows="the change that every set of effects makes",
+        build=choosing.choosing,
     ),
     Page(
         name="flights",
