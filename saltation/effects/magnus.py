@@ -1,4 +1,4 @@
-"""Magnus force: ¾ ω_r × u_r with ω_r = ω − ½ ∇×u_f, its sign kept (the bars in the print of thesis (3-2) lose it)."""
+"""Magnus force: C ω_r × u_r, C = ¾ in creeping flow, with ω_r = ω − ½ ∇×u_f, its sign kept (the bars in the print of thesis (3-2) lose it)."""
 
 from __future__ import annotations
 
@@ -13,29 +13,35 @@ from saltation.grain import Triple
 __all__ = ["Options", "Vector", "Vertical"]
 
 NAME = "magnus"
-SOURCE = "Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2)"
+SOURCE = "Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2); Tsuji, Morikawa & Mizuno (1985), J. Fluids Eng. 107, 484"
 VALID = "derived for small Re; used beyond"
 
 
 class Options(Table):
-    """All components, or the thesis's choice.
+    """All components or the thesis's choice, and how strong.
 
     Examples
     --------
-    >>> Options().form
-    'vertical'
+    >>> Options().form, Options().coefficient
+    ('vertical', 0.75)
     """
 
     form: Literal["vertical", "vector"] = Field("vertical", description="the component normal to the bed only (thesis), or the whole vector")
+    coefficient: float = Field(
+        0.75,
+        ge=0.0,
+        le=1.0,
+        description="C, dimensionless: 0.75 in creeping flow (Rubinow & Keller 1961), a fifth of it (0.15) measured at Re 550 to 1600 (Tsuji et al. 1985)",
+    )
 
 
 class Vertical(NamedTuple):
-    """¾ (u_f − u)(ω_y − ½ u_f') upwards.
+    """C (u_f − u)(ω_y − ½ u_f') upwards.
 
     Attributes
     ----------
     strength : float, dimensionless
-        ¾.
+        C.
 
     References
     ----------
@@ -56,12 +62,12 @@ class Vertical(NamedTuple):
 
 
 class Vector(NamedTuple):
-    """¾ ω_r × u_r.
+    """C ω_r × u_r.
 
     Attributes
     ----------
     strength : float, dimensionless
-        ¾.
+        C.
 
     References
     ----------
@@ -87,4 +93,4 @@ class Vector(NamedTuple):
 
 def build(options: Options, setting: Setting) -> Vertical | Vector:
     """The form that is named."""
-    return Vertical(0.75) if options.form == "vertical" else Vector(0.75)
+    return Vertical(options.coefficient) if options.form == "vertical" else Vector(options.coefficient)
