@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report report-full test lint api clean
+.PHONY: report report-full test regress lint api clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
@@ -24,6 +24,9 @@ report-full: .venv/.ready .venv/.peers  ## the same with longer runs and the pee
 
 test: .venv/.ready  ## on all cores
 	$(BIN)/python -m pytest -n auto
+
+regress: .venv/.ready  ## against analytic solutions alone
+	$(BIN)/python -m pytest -n auto -m analytic tests
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

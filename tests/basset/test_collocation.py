@@ -13,6 +13,8 @@ from solver_cases import CASES, RTOLS, drop, relaxing, settling, stream, vortex
 import basset
 from basset import reference
 
+pytestmark = pytest.mark.analytic
+
 # (case, rtol) whose error is more than ten times the tolerance. Keep it empty.
 DISHONEST: list[tuple[str, float]] = []
 

@@ -13,6 +13,8 @@ import basset
 from basset import reference
 from basset.measure import observed_orders
 
+pytestmark = pytest.mark.analytic
+
 RULES: dict[str, basset.Rule] = {
     "semi_derivative": basset.SemiDerivative(),
     "euler_maclaurin": basset.EulerMaclaurin(),

@@ -14,6 +14,8 @@ import basset
 from basset import reference
 from basset.problems import PROBLEMS
 
+pytestmark = pytest.mark.analytic
+
 orders = pytest.mark.parametrize("order", [1, 2, 3, 4, 6, 10])
 LEAN = ["daitche_3", "windowed_daitche_3", "tailed_daitche_3", "exponential_1", "exponential_3", "exponential_6"]
 

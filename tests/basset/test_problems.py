@@ -9,6 +9,8 @@ from rule_cases import EPS
 
 from basset.problems import PROBLEMS, Problem, tagged
 
+pytestmark = pytest.mark.analytic
+
 KNOWN = {
     "smooth", "oscillating", "polynomial", "growth", "decay", "jump", "root", "long", "high_frequency", "thesis",
 }  # fmt: skip

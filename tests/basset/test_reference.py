@@ -10,6 +10,8 @@ from rule_cases import EPS, GRAIN, KERNELS
 import basset
 from basset import reference
 
+pytestmark = pytest.mark.analytic
+
 TIMES = [1e-12, 1e-6, 1e-3, 0.1, 0.9, 1.0, 1.1, 3.0, 10.0, 50.0, 157.0, 1e3, 12345.678, 1e5]
 
 

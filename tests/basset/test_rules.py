@@ -13,6 +13,8 @@ from basset import reference
 from basset.measure import observed_orders
 from basset.problems import PROBLEMS, Problem, tagged
 
+pytestmark = pytest.mark.analytic
+
 FRESNEL = PROBLEMS["fresnel"]
 THESIS = 1.25306020134666323776267517398  # I at the double next to 50π
 

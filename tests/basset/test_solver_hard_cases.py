@@ -12,6 +12,8 @@ from solver_cases import RTOLS, drop, relaxing, settling, smooth
 import basset
 from basset import reference
 
+pytestmark = pytest.mark.analytic
+
 FACTOR = 10.0  # between the tolerance of a step and the error of the path
 
 

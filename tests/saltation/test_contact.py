@@ -9,6 +9,8 @@ import pytest
 
 from saltation.bed.contact import cross, impulse, strike_bed, strike_pair
 
+pytestmark = pytest.mark.analytic
+
 UP = (0.0, 0.0, 1.0)
 
 

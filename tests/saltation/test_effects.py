@@ -17,6 +17,8 @@ from saltation.effects.base import NoTorque, Setting, Situation, force, torque, 
 from saltation.flow import both, profile_of, tabulated
 from saltation.grain import GRAVITY, numbers_of
 
+pytestmark = pytest.mark.analytic
+
 WATER, NU, QUARTZ, SIZE = 1000.0, 1e-6, 2650.0, 0.69e-3
 N = numbers_of(WATER, NU, QUARTZ, SIZE, transport_stage=1.87, slope=0.02)
 SWAMEE = profile_of("swamee", N)

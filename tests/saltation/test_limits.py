@@ -8,6 +8,8 @@ from scene_cases import linear, run_plain, scene
 
 from basset import reference
 
+pytestmark = pytest.mark.analytic
+
 WEIGHT = {"effects": ["weight"], "drag": None, "added_mass": None, "history": None}
 
 
