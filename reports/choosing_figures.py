@@ -24,8 +24,8 @@ def sets(data: Record, titles: Mapping[str, str]) -> Any:
         if left_out:
             place = (len(chosen["effects"]), 100.0 * chosen["largest"])
             axes.semilogy(*place, "o", color=BLUE, markersize=9)
-            text = "auto: without " + " and ".join(word.replace("_", " ") for word in left_out)
-            axes.annotate(text, place, xytext=(-8, -6), textcoords="offset points", ha="right", va="top", color=BLUE)
+            text = "auto: without\n" + " and ".join(word.replace("_", " ") for word in left_out)
+            axes.annotate(text, place, xytext=(-8, -4), textcoords="offset points", ha="right", va="top", color=BLUE)
         else:
             axes.annotate(
                 "auto: keeps all seven", (full, 100.0 * data["tolerance"]), xytext=(0, -8), textcoords="offset points", ha="right", va="top", color=BLUE
