@@ -15,13 +15,13 @@ from basset._look import LOOK
 from reports import advice, analysis, choosing, figures, flights, grains, memory, saltation, scenes, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.index import index
-from reports.page import HERE, Page, asked, factor, fill, footer, grouped, load, save, table, write
+from reports.page import HERE, Page, Picture, asked, factor, fill, footer, grouped, load, save, table, write
 
-PICTURES = {  # at the top of the front page: the thesis's two, and theirs for whole flights
-    "error_step": "Error of the history integral against the step: the thesis's fig. 5-4 again, on the page on [quadrature](quadrature.md).",
-    "accuracy_time": "Error of the history integral against time: the thesis's fig. 5-5 again, by three clocks.",
-    "scenes_accuracy": "Error of the mean jump against time: fig. 5-5 where it matters, in a [scene](scenes.md).",
-}
+PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
+    Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
+    Picture("error_step", "quadrature", "Error of the history integral against the step: the thesis's fig. 5-4 again."),
+    Picture("accuracy_time", "quadrature", "Error of the history integral against time: the thesis's fig. 5-5 again, by three clocks."),
+)
 SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")  # of the page on quadrature
 
 
@@ -291,7 +291,6 @@ PAGES = (
         lead="accuracy_time.png",
         shows="error against time",
         build=quadrature,
-        pictured=True,
     ),
     Page(
         name="memory",
@@ -328,7 +327,6 @@ PAGES = (
         lead="saltation_envelope.png",
         shows="height, length and speed among the regressions",
         build=saltation.saltation,
-        pictured=True,
     ),
     Page(
         name="choosing",
@@ -356,7 +354,6 @@ PAGES = (
         lead="scenes_accuracy.png",
         shows="error of the mean jump against time",
         build=scenes.scenes,
-        pictured=True,
     ),
     Page(
         name="grains",
@@ -366,7 +363,6 @@ PAGES = (
         lead="sand_cloud.gif",
         shows="a sand cloud",
         build=grains.grains,
-        pictured=True,
     ),
 )
 
@@ -374,10 +370,10 @@ PAGES = (
 def front(data: dict[str, Record]) -> str:
     """The page reports/README.md."""
     parts = ["# Reports", "Everything on one page, with tables that sort: open [index.html](index.html) in a browser; it needs no network."]
-    parts += [f"{line}\n\n![{line.split(':')[0]}](figures/{name}.png)" for name, line in PICTURES.items()]
+    parts += [f"{picture.line} [More]({picture.page}.md).\n\n![{picture.alternative}](figures/{picture.figure}.png)" for picture in PICTURES]
     for page in PAGES:
         parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data)]
-        parts += [f"![{page.shows}](figures/{page.lead})"] if page.lead.split(".")[0] not in PICTURES else []
+        parts += [f"![{page.shows}](figures/{page.lead})"] if page.lead.split(".")[0] not in [picture.figure for picture in PICTURES] else []
     return "\n\n".join([*parts, footer(data)])
 
 
@@ -387,7 +383,7 @@ def main() -> None:
     data = load(HERE / "data")
     with mpl.rc_context(LOOK):
         pages = {page.file: page.build(data) for page in PAGES}
-    pages |= {"README.md": front(data), "index.html": index(PAGES, list(pages.values()), [page.opening(data) for page in PAGES], footer(data))}
+    pages |= {"README.md": front(data), "index.html": index(PAGES, list(pages.values()), [page.opening(data) for page in PAGES], footer(data), PICTURES)}
     for name, text in pages.items():
         write(HERE / name, text)
     print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")

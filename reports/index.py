@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from PIL import Image
 
-from reports.page import HERE, Page, fill, template
+from reports.page import HERE, Page, Picture, fill, template
 
 BLANKS = re.compile(  # inside quantities, where no line may break: digits, units, uncertainties, symbols before their values
     r"(?<=\d) (?=\d{3}(?!\d)|[×%]|(?:ns|µs|ms|s|[kMG]?B|mm|m|d)\b)| (?=± )|(?<=±) |(?:(?<=\b[^\W\d])|(?<=_[^\W\d])) (?=[-−+]?\d)"
@@ -84,7 +84,7 @@ def lean(svg: str) -> str:
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
     used = set(re.findall(r"#([\w.-]+)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    svg = re.sub(r"(\.\d\d)\d+", r"\1", re.sub(r"\s+", " ", svg))
+    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), re.sub(r"\s+", " ", svg))  # never a label's
     svg = re.sub(r' d="[^"]*"', lambda found: re.sub(r" ?([A-Za-z]) ?", r"\1", found[0][4:-1]).join((' d="', '"')), svg)
     svg = re.sub(r'style="[^"]*"', lambda found: re.sub(r"([:;]) ", r"\1", found[0]), svg)
     return svg.replace("> <", "><").strip()
@@ -236,10 +236,10 @@ def anchor(name: str, title: str) -> str:
     return f"<a href='#{name}'>{escape(title)}</a>"
 
 
-def pictured(page: Page) -> str:
-    """A page's picture, which leads to it."""
-    image = shown(HERE / "figures" / page.lead, page.shows, still=True)
-    return f"<a href='#{page.name}'><figure>{image}<figcaption>{escape(page.title)}</figcaption></figure></a>"
+def pictured(picture: Picture) -> str:
+    """A picture of the front page, which leads to its page."""
+    image = shown(HERE / "figures" / f"{picture.figure}.png", picture.alternative, still=True)
+    return f"<a href='#{picture.page}'><figure>{image}<figcaption>{escape(picture.line)}</figcaption></figure></a>"
 
 
 def summary(page: Page, opening: str, pages: Sequence[Page]) -> str:
@@ -249,8 +249,8 @@ def summary(page: Page, opening: str, pages: Sequence[Page]) -> str:
     return f"<section>\n<h2>{anchor(page.name, page.title)}</h2>\n<div class='about'>{about}</div>\n{body(said, page.file, pages)[0]}</section>"
 
 
-def index(pages: Sequence[Page], texts: Sequence[str], openings: Sequence[str], footer: str) -> str:
-    """The whole of index.html from every page's Markdown and opening, and the front page's footer."""
+def index(pages: Sequence[Page], texts: Sequence[str], openings: Sequence[str], footer: str, pictures: Sequence[Picture]) -> str:
+    """The whole of index.html from every page's Markdown and opening, and the front page's footer and pictures."""
     entries, chapters = [], []
     for page, text in zip(pages, texts, strict=True):
         html, sections = body(text, page.file, pages)
@@ -263,7 +263,7 @@ def index(pages: Sequence[Page], texts: Sequence[str], openings: Sequence[str], 
         style=template("index.css"),
         script=template("index.js"),
         contents=f"<ul><li>{anchor('top', 'Summary')}</li>\n{listed}</ul>",
-        pictures="\n".join(pictured(page) for page in pages if page.pictured),
+        pictures="\n".join(map(pictured, pictures)),
         summaries="\n".join(summary(page, opening, pages) for page, opening in zip(pages, openings, strict=True)),
         chapters="\n".join(chapters),
         footer=body(footer, "README.md", pages)[0],

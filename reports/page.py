@@ -27,12 +27,25 @@ class Page:
     lead: str  # the figure that stands for it, a file in reports/figures
     shows: str  # what that figure shows
     build: Callable[[dict[str, Record]], str]
-    pictured: bool = False  # one of the pictures that index.html starts with
 
     @property
     def file(self) -> str:
         """Its file in reports."""
         return f"{self.name}.md"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One of the pictures that the front page starts with."""
+
+    figure: str  # its file in reports/figures, without ending
+    page: str  # the name of the page that it leads to
+    line: str  # what it shows, a sentence
+
+    @property
+    def alternative(self) -> str:
+        """The text for those who do not see it."""
+        return self.line.split(":")[0]
 
 
 def load(folder: Path) -> dict[str, Record]:

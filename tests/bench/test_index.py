@@ -10,7 +10,7 @@ import headless
 import pytest
 
 from reports import build
-from reports.index import index, keys, line, number
+from reports.index import index, keys, lean, line, number
 from reports.page import HERE, footer, load
 
 VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}
@@ -46,7 +46,7 @@ def made():
     """The page of the committed pages, made by a function so that it can be made again."""
     data = load(HERE / "data")
     openings, end = [page.opening(data) for page in build.PAGES], footer(data)
-    return lambda: index(build.PAGES, TEXTS, openings, end)
+    return lambda: index(build.PAGES, TEXTS, openings, end, build.PICTURES)
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +78,20 @@ def test_it_needs_nothing_but_itself(read, text):
 def test_all_figures_of_all_pages_are_there_and_told_in_words(read):
     named = [name for page in TEXTS for name in re.findall(r"!\[[^\]]*\]\(figures/([^)]+)\)", page)]
     images = read.each("img")
-    assert len(images) == len(named) + sum(page.pictured for page in build.PAGES)
+    assert len(images) == len(named) + len(build.PICTURES)
     assert all(image["src"].startswith("data:image/") and len(image["src"]) > 1000 for image in images)
     assert all(image["alt"].strip() and int(image["width"]) > 0 and int(image["height"]) > 0 for image in images)
     assert "(<a" not in "".join(TEXTS)
+
+
+@pytest.mark.parametrize("name", ["scenes_accuracy", "accuracy_time", "choosing_spread"])
+def test_labels_keep_their_digits(name):
+    def words(svg):
+        return ["".join(re.sub(r"<[^>]*>", "", text).split()) for text in re.findall(r"<text[^>]*>(.*?)</text>", svg, re.S)]
+
+    svg = (HERE / "figures" / f"{name}.svg").read_text(encoding="utf-8")
+    assert words(lean(svg)) == words(svg)
+    assert len(words(svg)) > 10
 
 
 def test_links_within_lead_somewhere(read):
@@ -94,7 +104,7 @@ def test_links_within_lead_somewhere(read):
 def test_dead_links_are_not_built():
     page = build.PAGES[0]
     with pytest.raises(ValueError, match=r"quadrature\.md links to nowhere\.md"):
-        index([page], ["# A\n\n[b](nowhere.md)"], ["c"], "d")
+        index([page], ["# A\n\n[b](nowhere.md)"], ["c"], "d", [])
 
 
 def test_the_same_pages_give_the_same_bytes(made, text):
