@@ -191,7 +191,8 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
     for row in advice.advise(made):
         table.add_row(row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source)
     out.print(table)
-    out.print(f"\nestimates for a typical jump; `saltation ablate {scene}` measures, effects = 'auto' chooses by measurement")
+    measured = f"; `saltation ablate {scene}` measures, effects = 'auto' chooses by measurement" if made.bed is not None else ""
+    out.print(f"\nestimates for a typical jump{measured}")
 
 
 @main.command()
@@ -574,7 +575,8 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
     shown = Table(*names, "status", "jumps", *(f"{name} (%)" for name in statistics.VARIABLES), *(["time per jump"] if timed else []), box=None)
     for index, row in table.iterrows():
         labels = index if isinstance(index, tuple) else (index,)
-        cells = [f"{100 * row[f'{name}_change']:+.1f} ± {100 * row[f'{name}_error']:.1g}" for name in statistics.VARIABLES]
+        pairs = [(100.0 * row[f"{name}_change"], 100.0 * row[f"{name}_error"]) for name in statistics.VARIABLES]
+        cells = [f"{change:+.1f} ± {error:.1g}" if math.isfinite(change) else "–" for change, error in pairs]
         shown.add_row(*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed))
     out.print(shown)
 

@@ -118,7 +118,7 @@ class TestBouncing:
         made = scene("bouncing", bed={"restitution": 0.5}, run={"jumps": 10000})
         result = run_plain(made)
         exact = reference.bouncing(*linear(made), height=5.0, restitution=0.5, impacts=45)
-        jumps = result.jumps
+        jumps = result.all_jumps
         assert result.status == "at rest" and "lies still" in result.message
         count = min(len(exact.times), 12)
         ends = (jumps["start"] + jumps["duration"]).to_numpy()
@@ -214,17 +214,17 @@ class TestParabola:
         made = scene("bouncing", **WEIGHT, bed={"restitution": 0.5}, run={"jumps": 10000}, height=5.5)
         result = run_plain(made)
         fall = np.sqrt(10.0 / self.G)
-        last = result.jumps.iloc[-1]
+        last = result.all_jumps.iloc[-1]
         assert result.status == "at rest"
         assert last["start"] + last["duration"] == pytest.approx(3.0 * fall, abs=2e-6)
-        assert last["height"] < 1e-12 and len(result.jumps) > 60
-        np.testing.assert_allclose(result.jumps["duration"][1:12], 2.0 * fall * 0.5 ** np.arange(1, 12), rtol=1e-9)
+        assert last["height"] < 1e-12 and len(result.all_jumps) > 60
+        np.testing.assert_allclose(result.all_jumps["duration"][1:12], 2.0 * fall * 0.5 ** np.arange(1, 12), rtol=1e-9)
 
     def test_without_restitution_it_rests_at_once(self):
         made = scene("bouncing", **WEIGHT, bed={"restitution": 0.0}, run={"jumps": 10})
         result = run_plain(made)
-        assert result.status == "at rest" and len(result.jumps) == 1
-        assert result.jumps["duration"][0] == pytest.approx(np.sqrt(10.0 / self.G), rel=1e-11)
+        assert result.status == "at rest" and len(result.all_jumps) == 1
+        assert result.all_jumps["duration"][0] == pytest.approx(np.sqrt(10.0 / self.G), rel=1e-11)
 
 
 class TestStokesDrag:
