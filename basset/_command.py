@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -56,6 +57,8 @@ def check_output(path: Path, force: bool) -> None:
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
     if not path.parent.is_dir():
         raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise Mistake(f"--output: the folder {str(path.parent)!r} cannot be written to")
     if path.exists() and not force:
         raise Mistake(f"--output: {str(path)!r} exists already; --force overwrites it")
 

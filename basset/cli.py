@@ -29,6 +29,8 @@ SHOWN = 12  # candidates in a table
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
+MOST_STEPS = 10_000_000  # weights are good to rounding up to here
+
 
 class Commands(click.Group):
     """The group; what the library refuses is a mistake wherever it is met."""
@@ -201,6 +203,8 @@ def weights(
     kernel = kernel_of(**options)
     given = {name: value for name, value in (("order", order), ("rtol", rtol), ("window", window)) if value is not None}
     rule = rule_of(scheme, given, steps * dt, kernel)
+    if not 1 <= steps <= MOST_STEPS:
+        raise Mistake(f"--steps must be a whole number between 1 and {MOST_STEPS:,}, got {steps}".replace(",", " ", 2))
     found = rule.weights(steps, dt, kernel, kind)
     text = csv_text(("j", "weight"), [[j, weight] for j, weight in enumerate(found)])
     if output is None:

@@ -17,6 +17,8 @@ def sets(data: Record, titles: Mapping[str, str]) -> Any:
     for axes, (name, rows) in zip(panels, data["sets"].items(), strict=True):
         full = len(rows[0]["effects"])
         for row in rows[1:]:
+            if row["largest"] is None:  # its run did not finish
+                continue
             axes.semilogy(len(row["effects"]), 100.0 * row["largest"], "o", color=GREY, alpha=0.7)
         axes.axhline(100.0 * data["tolerance"], color=RED, linestyle=":")
         left_out = data["chosen"][name][0]["left_out"]
@@ -35,5 +37,7 @@ def sets(data: Record, titles: Mapping[str, str]) -> Any:
     panels[0].set(ylabel="largest change of mean H, L or ū (%)")
     ticks = (1.0, 10.0, 100.0, 1000.0)
     panels[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-    figure.suptitle("Every set of effects, flown with another seed: only gravel can do without some")
+    less = [titles[name].split(",")[0] for name in data["sets"] if data["chosen"][name][0]["left_out"]]
+    can = f"{' and '.join(less) or 'no scene'} can do without some"
+    figure.suptitle(f"Every set of effects, flown with another seed: within {100.0 * data['tolerance']:g} % {can}")
     return figure

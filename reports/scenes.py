@@ -309,7 +309,7 @@ def opening(data: dict[str, Record]) -> str:
         high=percent(max(errors)),
         dearest=factor(max(times) / min(times)),
         reset_error=percent(counted(reset, "height")),
-        reset_ratio=factor(reset["seconds"] / next(r for r in collocated(found["reset"]["records"]) if r["size"] == ours["size"])["seconds"]),
+        reset_ratio=factor(reset["seconds"] / fastest(collocated(found["reset"]["records"]), counted(reset, "height"), "height")[0]["seconds"]),
         one=percent(floor(records, "Daitche(2), window 1")),
         ten=percent(floor(records, "Daitche(2), window 10")),
         published=percent(floor(records, "Hinsberg, window 0.5")),

@@ -11,14 +11,16 @@ import itertools
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from basset import measure
 from saltation import regressions, statistics
+from saltation._keys import key_of
 from saltation.bed.roughness import READINGS
 from saltation.campaigns import campaign
 from saltation.effects import EFFECTS
@@ -44,7 +46,8 @@ NEEDED = ("weight",)  # without it nothing comes down
 PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
 
 
-class Verdict(NamedTuple):
+@dataclass(frozen=True)
+class Verdict:
     """What an effect does in a typical jump.
 
     Attributes
@@ -54,7 +57,7 @@ class Verdict(NamedTuple):
     present : bool
         Whether the scene has it.
     share : float, dimensionless
-        Of the weight, see `advise`; NaN where that means nothing.
+        Of the weight, see `advise`; 1 for a spin that is prescribed.
     verdict, reason, source : str
         A word, why, and whose formula.
 
@@ -73,7 +76,8 @@ class Verdict(NamedTuple):
     source: str
 
 
-class Typical(NamedTuple):
+@dataclass(frozen=True)
+class Typical:
     """A typical jump.
 
     Attributes
@@ -110,6 +114,11 @@ def typical(scene: Any) -> Typical:
     -------
     Typical
 
+    Raises
+    ------
+    SceneError
+        For a grain as heavy as its fluid.
+
     References
     ----------
     The regressions of `saltation.regressions`, their means; the takeoff and the spin: this library.
@@ -121,6 +130,8 @@ def typical(scene: Any) -> Typical:
     1.0
     """
     numbers = scene.numbers
+    if not math.isfinite(numbers.shields):
+        raise SceneError(f"grain.density must differ from the fluid's for a typical jump, got {scene.grain.density:g} kg/m3 for both")
     height, speed, spin = 1.0, 0.0, 0.0
     if numbers.stage is not None:
         stage = max(numbers.stage, 1.2)
@@ -145,6 +156,11 @@ def advise(scene: Any) -> list[Verdict]:
         The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over
         the jump, Δ twice the takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump;
         for encounters their number per jump.
+
+    Raises
+    ------
+    SceneError
+        For a grain as heavy as its fluid.
 
     References
     ----------
@@ -219,6 +235,8 @@ def changed(scene: Any, **tables: Any) -> Any:
         If there is no such scene.
     """
     content = scene.model_dump(exclude_none=True)
+    if "effects" in tables:
+        content.pop("chosen", None)  # it belongs to the effects that were
     for name, value in tables.items():
         merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
         content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
@@ -231,32 +249,57 @@ def without(scene: Any, left_out: Iterable[str]) -> Any:
     return changed(scene, effects=[name for name in scene.names if name not in gone])
 
 
+def listed(scene: Any) -> Any:
+    """The scene with its effects by name: what a preset or "auto" stands for is written out, options and dimensions too."""
+    if not isinstance(scene.effects, str):
+        return scene
+    options = {name: scene.options(name).model_dump(exclude_none=True) for name in scene.preset.options}
+    return changed(scene, effects=list(scene.names), tolerance=None, dimensions=2 if scene.in_plane else 3, **options)
+
+
 def long(scene: Any, jumps: int) -> Any:
-    """The scene with so many jumps that count; a run for a time stays as long as it is."""
-    return scene if scene.run.jumps is None else changed(scene, run={"jumps": jumps + scene.run.discard})
+    """The scene with so many jumps that count, and a memory as long; a run for a time stays as long as it is."""
+    if scene.run.jumps is None:
+        return scene
+    tables: dict[str, Any] = {"run": {"jumps": jumps + scene.run.discard}}
+    if scene.history is not None:
+        tables["history"] = {"horizon": None}
+    return changed(scene, **tables)
 
 
-def enough(scenes: dict[str, Any], error: float, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
-    """The campaign over scenes, with as many jumps as the mean height of the first needs for a relative standard error."""
-    share = (lambda low, high: None) if progress is None else (lambda low, high: lambda done: progress(low + (high - low) * done))
-    labelled = [({"case": name}, long(scene, PILOT)) for name, scene in scenes.items()]
-    table = campaign(labelled, executor, progress=share(0.0, 0.5)).set_index("case")
-    first = table.iloc[0]
+def fly(scenes: dict[str, Any], jumps: int, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
+    """The campaign over scenes with so many jumps; index: their names."""
+    return campaign([({"case": name}, long(scene, jumps)) for name, scene in scenes.items()], executor, progress=progress).set_index("case")
+
+
+def flown(table: pd.DataFrame, scene: Any) -> int:
+    """How many jumps were flown for a table, those that are discarded too."""
+    return int(table["jumps"].sum()) + len(table) * int(scene.run.discard)
+
+
+def enough(scenes: dict[str, Any], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
+    """The campaign with as many jumps as the mean height of the first scene needs for a relative standard error; (table, that number, jumps flown)."""
+    report = progress or (lambda done: None)
+    table = fly(scenes, PILOT, executor, lambda done: report(0.5 * done))
+    first, scene = table.iloc[0], next(iter(scenes.values()))
+    count, total = PILOT, flown(table, scene)
     wanted = PILOT * (first["height_se"] / (error * first["height"])) ** 2 if first["height"] > 0.0 else 0.0
-    if wanted > PILOT and scenes[str(table.index[0])].run.jumps is not None:
+    if wanted > PILOT and scene.run.jumps is not None:
         count = min(MOST, math.ceil(wanted / 100.0) * 100)
-        labelled = [({"case": name}, long(scene, count)) for name, scene in scenes.items()]
-        table = campaign(labelled, executor, progress=share(0.5, 1.0)).set_index("case")
-    return table
+        table = fly(scenes, count, executor, lambda done: report(0.5 + 0.5 * done))
+        total += flown(table, scene)
+    report(1.0)
+    return table, count, total
 
 
 def compare(table: pd.DataFrame) -> pd.DataFrame:
-    """Relative changes of H, L and ū of every row against the first, with their standard errors."""
+    """Relative changes of H, L and ū of every row against the first, with their standard errors; the first row's error is its own."""
     full, found = table.iloc[0], table[["status", "jumps"]].copy()
     for name in VARIABLES:
-        found[name] = table[name]
-        found[f"{name}_change"] = table[name] / full[name] - 1.0
-        found[f"{name}_error"] = np.hypot(table[f"{name}_se"], full[f"{name}_se"]) / abs(full[name])
+        ratio = table[name] / full[name]
+        error = np.hypot(table[f"{name}_se"], ratio * full[f"{name}_se"]) / abs(full[name])
+        error.iloc[0] = full[f"{name}_se"] / abs(full[name])
+        found[name], found[f"{name}_change"], found[f"{name}_error"] = table[name], ratio - 1.0, error
     return found
 
 
@@ -279,8 +322,8 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
     -------
     DataFrame
         Index: "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
-        relative `_change` against the full scene and the `_error` (one standard error) of that, and time: seconds per jump over
-        those of the full scene (NaN for runs for a time).
+        relative `_change` against the full scene and the `_error` (one standard error) of that (in the first row of its own mean),
+        and time: seconds per jump over those of the full scene (NaN for runs for a time, and for those that do not finish).
 
     Raises
     ------
@@ -297,7 +340,7 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
     bed is missing
     """
     cases = reduced(scene)
-    table = compare(enough(cases, error, executor, progress))
+    table = compare(enough(cases, error, executor, progress)[0])
     table["time"] = costs({name: cases[name] for name in table.index})
     return table
 
@@ -305,12 +348,11 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
 def reduced(scene: Any) -> dict[str, Any]:
     """The full scene, and without each of its effects that can be left out."""
     require_bed(scene)
-    cases = {"full": changed(scene, effects=list(scene.names), tolerance=None)}
-    for name in scene.names:
-        try:
-            cases[name] = without(scene, [name])
-        except SceneError:  # what is left makes no scene
-            continue
+    full = listed(scene)
+    cases = {"full": full}
+    for name in full.names:
+        with contextlib.suppress(SceneError):  # what is left makes no scene
+            cases[name] = without(full, [name])
     return cases
 
 
@@ -321,12 +363,13 @@ def require_bed(scene: Any) -> None:
 
 
 def costs(scenes: dict[str, Any]) -> pd.Series:
-    """Seconds per jump of each scene over those of the first, taking turns."""
-    if any(scene.run.jumps is None for scene in scenes.values()):
-        return pd.Series(math.nan, index=list(scenes))
-    timed = {name: changed(scene, run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
-    seconds = pd.Series(measure.interleaved({name: partial(run, scene) for name, scene in timed.items()}, rounds=5, patience=60.0))
-    return seconds / seconds.iloc[0]
+    """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
+    found = pd.Series(math.nan, index=list(scenes))
+    if all(scene.run.jumps is not None for scene in scenes.values()):
+        timed = {name: changed(scene, run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
+        finish = {name: partial(run, scene) for name, scene in timed.items() if run(scene).status == "finished"}
+        found.update(pd.Series(measure.interleaved(finish, rounds=5, patience=60.0), dtype=float))
+    return found / found.iloc[0]
 
 
 def bound(row: pd.Series) -> float:
@@ -335,32 +378,33 @@ def bound(row: pd.Series) -> float:
     return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
 
 
-def choose(scene: Any, tolerance: float = TOLERANCE, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
-    """The scene with as few effects as keep its mean H, L and ū within a tolerance of those with all of them.
+def choose(scene: Any, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
+    """The scene with few effects: those that keep its mean H, L and ū within a tolerance of those with all of them.
 
     Effects that the ablation finds within the tolerance (95 % bounds) are left out together; while that is too much, the one
-    that changes most is put back. The same scene always comes to the same choice.
+    that changes most is put back. What can only then be left out is tried last. The same scene always comes to the same choice.
+    A scene that does not finish with all its effects keeps them.
 
     Parameters
     ----------
     scene : Scene
         With a bed and all effects that are considered.
     tolerance : float, dimensionless
-        Relative.
+        Relative, above 0 and at most 0.5; default the scene's, or 0.05.
     executor, progress
         As for `ablate`, the share dimensionless.
 
     Returns
     -------
     Scene
-        Its field `chosen` holds the evidence: tolerance, left_out, kept, means of the full scene and of the chosen one, for each
-        effect the 95 % `bounds` of the largest relative change of H, L and ū without it (or the status of a run that did not
-        finish), what was tried together, and the number of jumps flown to find out.
+        Its field `chosen` (`saltation.scene.Chosen`) holds the evidence.
 
     Raises
     ------
     SceneError
-        If the scene has no bed, or does not finish its run with all its effects.
+        If the scene has no bed.
+    ValueError
+        If the tolerance is out of its range.
 
     Examples
     --------
@@ -371,52 +415,74 @@ def choose(scene: Any, tolerance: float = TOLERANCE, executor: Executor | None =
     ...     print(str(error).partition(":")[0])
     bed is missing
     """
+    if tolerance is None:
+        tolerance = scene.tolerance or TOLERANCE
+    if not 0.0 < tolerance <= 0.5:
+        raise ValueError(f"tolerance must be above 0 and at most 0.5, got {tolerance!r}")
     cases = reduced(scene)
     full = cases["full"]
-    error = SHARPNESS * tolerance
-    table = compare(enough(cases, error, executor, progress))
-    first = table.iloc[0]
-    if first["status"] != "finished":
-        raise SceneError(f"effects can only be chosen for a scene that finishes with all of them, got {first['status']!r}")
-    bounds = {str(name): bound(row) for name, row in table.iloc[1:].iterrows()}
-    left_out = sorted((name for name, value in bounds.items() if value <= tolerance and name not in NEEDED), key=bounds.__getitem__)
-    tried, last, flown = [], first, int(table["jumps"].sum())
-    while left_out:
-        try:
-            trial = without(full, left_out)
-        except SceneError:  # what is left makes no scene
+    raw, count, total = enough(cases, SHARPNESS * tolerance, executor, progress)
+    table = compare(raw)
+    rows = {str(name): row for name, row in table.iterrows()}
+    tried: list[dict[str, Any]] = []
+
+    def fits(names: list[str]) -> bool:
+        """Whether the scene can do without all of them."""
+        nonlocal total
+        if len(names) == 1 and names[0] in rows:
+            last = rows[names[0]]
+        else:
+            try:
+                trial = without(full, names)
+            except SceneError:  # what is left makes no scene
+                return False
+            flight = fly({"chosen": trial}, count, executor, None)
+            total += flown(flight, full)
+            last = compare(pd.concat([raw.iloc[:1], flight])).iloc[1]
+            tried.append({"left_out": list(names), "bound": shown(last)})
+        if bound(last) <= tolerance:
+            rows["chosen"] = last
+        return bound(last) <= tolerance
+
+    left_out: list[str] = []
+    if rows["full"]["status"] == "finished" and rows["full"]["jumps"] > 0:
+        bounds = {name: bound(row) for name, row in rows.items() if name != "full" and name not in NEEDED}
+        left_out = sorted((name for name, value in bounds.items() if value <= tolerance), key=bounds.__getitem__)
+        while left_out and not fits(left_out):
             left_out.pop()
-            continue
-        pair = compare(enough({"full": full, "chosen": trial}, error, executor, None))
-        flown += int(pair["jumps"].sum())
-        tried.append({"left_out": list(left_out), "bound": shown(pair.iloc[1])})
-        if bound(pair.iloc[1]) <= tolerance:
-            last = pair.iloc[1]
-            break
-        left_out.pop()
+        for name in full.names:  # what nothing needs any more
+            if left_out and name not in rows and name not in NEEDED and fits([*left_out, name]):
+                left_out.append(name)
     chosen = without(full, left_out)
     evidence = {
+        "of": key_of(scene),
         "tolerance": tolerance,
+        "status": str(rows["full"]["status"]),
         "left_out": left_out,
         "kept": list(chosen.names),
-        "full": {name: float(first[name]) for name in VARIABLES},
-        "chosen": {name: float((last if left_out else first)[name]) for name in VARIABLES},
+        "full": means(rows["full"]),
+        "chosen": means(rows["chosen"] if left_out else rows["full"]),
         "bounds": {str(name): shown(row) for name, row in table.iloc[1:].iterrows()},
         "tried": tried,
-        "jumps": flown,
+        "jumps": total,
     }
     return changed(chosen, chosen=evidence)
 
 
+def means(row: pd.Series) -> dict[str, float]:
+    """Mean H, L and ū, as far as there are any."""
+    return {name: float(row[name]) for name in VARIABLES if math.isfinite(row[name])}
+
+
 def resolved(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
     """The scene itself, or with effects = "auto" what `choose` makes of it."""
-    return choose(scene, scene.tolerance or TOLERANCE, executor, progress=progress) if scene.effects == AUTO else scene
+    return choose(scene, None, executor, progress=progress) if scene.effects == AUTO else scene
 
 
 def shown(row: pd.Series) -> float | str:
     """The bound, or why there is none."""
     value = bound(row)
-    return value if math.isfinite(value) else str(row["status"])
+    return value if math.isfinite(value) else "no jumps" if row["status"] == "finished" else str(row["status"])
 
 
 # Other choices
@@ -501,10 +567,10 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
     bed is missing
     """
     require_bed(scene)
-    scene = changed(scene, effects=list(scene.names), tolerance=None)
+    scene = listed(scene)
     cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
     names = {" ".join(case): case for case in cases}
-    table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress))
+    table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress)[0])
     table.insert(0, "choice", [names[str(name)][0] for name in table.index])
     table.insert(1, "value", [names[str(name)][1] for name in table.index])
     return table.reset_index(drop=True)
@@ -571,7 +637,7 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
     bed is missing
     """
     require_bed(scene)
-    scene = long(changed(scene, effects=list(scene.names), tolerance=None), COMBINED)
+    scene = long(listed(scene), COMBINED)
     choices = _choices(scene)
     labelled = []
     for values in itertools.product(*choices.values()):

@@ -18,13 +18,15 @@ LOOKS = {"height": (BLUE, "o", "height H"), "length": (ORANGE, "s", "length L"),
 
 
 @styled
-def ablation(table: pd.DataFrame) -> Figure:
+def ablation(table: pd.DataFrame, scene: str = "") -> Figure:
     """Relative change of H, L and ū when one effect is left out, bars two standard errors.
 
     Parameters
     ----------
     table : DataFrame
         From `advice.ablate`, units as there.
+    scene : str
+        Its name, for the title.
 
     Returns
     -------
@@ -41,27 +43,29 @@ def ablation(table: pd.DataFrame) -> Figure:
     rows = table.iloc[1:]
     figure, panels = _panels(len(rows), 0.34)
     places = range(len(rows), 0, -1)
-    for axes, name in zip(panels, statistics.VARIABLES, strict=True):
-        colour, marker, label = LOOKS[name]
+    for axes, quantity in zip(panels, statistics.VARIABLES, strict=True):
+        colour, marker, label = LOOKS[quantity]
         for place, (_, row) in zip(places, rows.iterrows(), strict=True):
             if row["status"] == "finished":
-                axes.errorbar(100.0 * row[f"{name}_change"], place, xerr=200.0 * row[f"{name}_error"], color=colour, marker=marker, capsize=3)
+                axes.errorbar(100.0 * row[f"{quantity}_change"], place, xerr=200.0 * row[f"{quantity}_error"], color=colour, marker=marker, capsize=3)
             else:
                 _note(axes, place, row["status"])
         axes.set(xlabel=f"change of the mean {label} (%)", ylim=(0.4, len(rows) + 0.6))
         axes.set_yticks(places, [f"without {name.replace('_', ' ')}" for name in rows.index])
-    figure.suptitle("What changes when an effect is left out (bars: two standard errors)")
+    figure.suptitle(f"{scene}{': w' if scene else 'W'}hat changes when an effect is left out (bars: two standard errors)")
     return figure
 
 
 @styled
-def spread(table: pd.DataFrame) -> Figure:
+def spread(table: pd.DataFrame, scene: str = "") -> Figure:
     """Mean H, L and ū for every value of every choice, over those of the scene, beside its standard error.
 
     Parameters
     ----------
     table : DataFrame
         From `advice.uncertainty`, units as there.
+    scene : str
+        Its name, for the title.
 
     Returns
     -------
@@ -79,14 +83,14 @@ def spread(table: pd.DataFrame) -> Figure:
     base, rows = table.iloc[0], table.iloc[1:]
     choices = list(dict.fromkeys(rows["choice"]))
     figure, panels = _panels(len(choices), 0.6)
-    for axes, name in zip(panels, statistics.VARIABLES, strict=True):
-        colour, marker, label = LOOKS[name]
-        error = 2.0 * base[f"{name}_error"] / math.sqrt(2.0)  # of the scene itself, not of a difference
+    for axes, quantity in zip(panels, statistics.VARIABLES, strict=True):
+        colour, marker, label = LOOKS[quantity]
+        error = 2.0 * base[f"{quantity}_error"]
         axes.axvspan(1.0 / (1.0 + error), 1.0 + error, color=GREY, alpha=0.35, linewidth=0.0)
         for place, choice in zip(range(len(choices), 0, -1), choices, strict=True):
             own = rows[rows["choice"] == choice]
-            done = own[own["status"] == "finished"].sort_values(name)
-            ratios = done[name] / base[name]
+            done = own[own["status"] == "finished"].sort_values(quantity)
+            ratios = done[quantity] / base[quantity]
             axes.plot([ratios.min(), ratios.max()], [place, place], color=colour, alpha=0.3, linewidth=7.0, solid_capstyle="round")
             axes.plot(ratios, [place] * len(done), color=colour, marker=marker, linestyle="none")
             for ratio, value, side in ((ratios.min(), done["value"].iloc[0], -1), (ratios.max(), done["value"].iloc[-1], 1)):
@@ -105,7 +109,7 @@ def spread(table: pd.DataFrame) -> Figure:
         axes.set_xticks(ticks, [f"{ratio:g}" for ratio in ticks])
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_yticks(range(len(choices), 0, -1), choices)
-    figure.suptitle("What every choice that is not settled does to the jumps (grey: two standard errors of the mean)")
+    figure.suptitle(f"{scene}{': w' if scene else 'W'}hat every choice that is not settled does to the jumps (grey: two standard errors of the mean)")
     return figure
 
 

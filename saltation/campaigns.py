@@ -92,13 +92,15 @@ def campaign(
     [['a', 5, 'finished'], ['b', 5, 'finished']]
     """
     labels, given = zip(*pairs, strict=True) if (pairs := [_labelled(item) for item in scenes]) else ((), ())
-    wanted = tuple(_with_effects(scene, executor) for scene in given)
+    kept = Store(store) if store is not None else None
+    if results is not None:
+        _check_names(labels)
+    wanted = _with_effects(given, executor, kept)
     if results is None:
         wanted = tuple(scene.model_copy(update={"run": scene.run.model_copy(update={"trajectory": False})}) for scene in wanted)
     keys = [key_of(scene) for scene in wanted]
     pending = dict(zip(keys, wanted, strict=True))  # equal scenes run once
     files = files_of(keys, labels, Path(results)) if results is not None else {key: [] for key in keys}
-    kept = Store(store) if store is not None else None
     rows = {key: row for key in pending if kept is not None and (row := kept.get(key)) is not None and all(key_in(file) == key for file in files[key])}
     for key in rows:
         del pending[key]
@@ -133,25 +135,33 @@ def _labelled(item: Any) -> tuple[dict[str, Any], Any]:
     return dict(labels), scene
 
 
-def _with_effects(scene: Any, executor: Executor | None) -> Any:
-    """The scene, its effects chosen if they are to be: here, as workers cannot share out work again."""
-    if scene.effects != AUTO:
-        return scene
-    from saltation.advice import resolved
+def _with_effects(scenes: Sequence[Any], executor: Executor | None, kept: Store | None) -> tuple[Any, ...]:
+    """The scenes, effects chosen where they are to be: here, as workers cannot share out work again; each choice once, and kept in the store."""
+    choices: dict[str, Any] = {}
+    for scene in scenes:
+        if scene.effects == AUTO and (key := key_of(scene)) not in choices:
+            from saltation.advice import resolved
 
-    return resolved(scene, executor)
+            choices[key] = (kept.choice(key) if kept is not None else None) or resolved(scene, executor)
+            if kept is not None:
+                kept.put_choice(key, choices[key])
+    return tuple(choices[key_of(scene)] if scene.effects == AUTO else scene for scene in scenes)
 
 
-def files_of(keys: Sequence[str], labels: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, list[Path]]:
-    """Where the results of each scene go."""
+def _check_names(labels: Sequence[Mapping[str, Any]]) -> None:
+    """Every run needs a file of its own."""
     names = [str(given.get("name", "")) for given in labels]
     for name in names:
         if not name or name != Path(name).name or names.count(name) > 1:
             raise ValueError(f"results need a label 'name' for each run, a file name that no other has, got {name!r}")
+
+
+def files_of(keys: Sequence[str], labels: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, list[Path]]:
+    """Where the results of each scene go."""
     folder.mkdir(parents=True, exist_ok=True)
     files: dict[str, list[Path]] = {key: [] for key in keys}
-    for key, name in zip(keys, names, strict=True):
-        files[key].append(folder / f"{name}.nc")
+    for key, given in zip(keys, labels, strict=True):
+        files[key].append(folder / f"{given['name']}.nc")
     return files
 
 
@@ -283,6 +293,58 @@ class Store:
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return row if whole else None
+
+    def choice(self, key: str) -> Any:
+        """The scene that was chosen for one that says "auto".
+
+        Parameters
+        ----------
+        key : str
+            Of that one.
+
+        Returns
+        -------
+        Scene or None
+            None if there is none that is whole.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     Store(folder).choice("none") is None
+        True
+        """
+        try:
+            found = scene_of(json.loads((self.path / f"{key}.chosen.json").read_text(encoding="utf-8")))
+        except (OSError, ValueError):
+            return None
+        return found if found.chosen is not None and found.chosen.of == key else None
+
+    def put_choice(self, key: str, scene: Any) -> None:
+        """Keep a choice.
+
+        Parameters
+        ----------
+        key : str
+            Of the scene that says "auto".
+        scene : Scene
+            What was chosen for it.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from saltation import load
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     Store(folder).put_choice("key", load("bouncing"))
+        ...     Store(folder).choice("key") is None  # it was chosen for no such scene
+        True
+        """
+        write(self.path / f"{key}.chosen.json", text_of(scene) + "\n")
 
     def put(self, key: str, scene: Any, row: dict[str, Any]) -> None:
         """Keep a row; floats are written so that they come back bit for bit.

@@ -9,11 +9,13 @@ import contextlib
 import itertools
 import json
 import math
+import os
 import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ from saltation import advice, advice_plots, campaigns, checks, grains, statistic
 from saltation._files import write
 from saltation.result import UNITS, Result
 from saltation.scene import AUTO, Scene, SceneError, read, scene_of, shipped
+from saltation.simulation import begun
 from saltation.workers import processes
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
@@ -131,13 +134,15 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     made = scene_of(changed(read(scene), changes))
     folder = output if made.cloud is not None else None
     if folder is not None:
-        check_folder(folder, force)
+        check_folder(folder)
     elif output is not None:
         check_output(output, force)
     with stoppable(folder), mistakes_of_files("--output"):
         if made.effects == AUTO:
             with shown("choosing effects", quiet) as report:
-                made = advice.resolved(made, progress=report)
+                made = (None if force else begun(made, folder)) or advice.resolved(made, progress=report)
+        if force and folder is not None:
+            take_away(folder)
         with shown("flying", quiet) as report:
             result = saltation.run(made, report, folder)
     if not quiet:
@@ -204,10 +209,10 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
 def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
     """Run SCENE with each of its effects left out: what each changes in H, L and ū, and what it costs in time."""
     made = prepared(scene, changes, error, output, force)
-    with progress("leaving out", TimeElapsedColumn()) as report:
+    with stoppable(None), progress("leaving out", TimeElapsedColumn()) as report:
         table = advice.ablate(made, error=error, progress=report)
     print_changes(console(), table)
-    deliver(output, table, advice_plots.ablation)
+    deliver(output, table, partial(advice_plots.ablation, scene=scene))
 
 
 @main.command()
@@ -223,15 +228,15 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
     One at a time: profile of the stream, reading of the roughness, restitution, kernel, memory of the rebound.
     """
     made = prepared(scene, changes, error, output, force)
-    with progress("varying", TimeElapsedColumn()) as report:
+    with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
         table = advice.uncertainty(made, error=error, progress=report)
     out = console()
     print_changes(out, table.set_index(["choice", "value"]))
     if combined:
-        with progress("combining", TimeElapsedColumn()) as report:
+        with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
             everything = advice.combinations(made, progress=report)
         print_combinations(out, everything)
-    deliver(output, table, advice_plots.spread)
+    deliver(output, table, partial(advice_plots.spread, scene=scene))
 
 
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Any:
@@ -388,20 +393,27 @@ def stoppable(output: Path | None) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only cut off the sentence
-        kept = f"what is finished is kept in {str(output)!r}, the same command goes on from there" if output is not None else "nothing is kept"
+        begun = output is not None and output.is_dir() and any(output.iterdir())
+        kept = f"what is finished is kept in {str(output)!r}, the same command goes on from there" if begun else "nothing is kept"
         click.echo(f"stopped: {kept}", err=True)
         sys.exit(130)
     finally:
         signal.signal(signal.SIGTERM, before)
 
 
-def check_folder(path: Path, force: bool) -> None:
-    """Refuse before anything is computed; --force takes away an earlier run."""
+def check_folder(path: Path) -> None:
+    """Refuse before anything is computed."""
     if path.exists() and not path.is_dir():
         raise Mistake(f"--output must be a folder for a scene with a [cloud], got the file {str(path)!r}")
     if not path.parent.is_dir():
         raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
-    if force and (path / "run.json").exists():
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise Mistake(f"--output: the folder {str(path)!r} cannot be written to")
+
+
+def take_away(path: Path) -> None:
+    """What an earlier run left: only when all is ready for the next."""
+    if (path / "run.json").exists():
         for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):
             file.unlink(missing_ok=True)
 
@@ -551,10 +563,12 @@ def print_cloud(result: Any) -> None:
 
 def print_choice(out: Console, scene: Any) -> None:
     """What effects = "auto" came to."""
-    if scene.chosen is not None:
-        found = scene.chosen
-        gone = ", ".join(f"{name} (changes less than {found['bounds'][name]:.1%})" for name in found["left_out"])
-        out.print(f"effects: {', '.join(found['kept'])}; left out within {found['tolerance']:.0%}: {gone or 'nothing'}; {found['jumps']} jumps to find out")
+    found = scene.chosen
+    if found is not None and found.status != "finished":
+        out.print(f"effects: all kept, with them the run to choose by ended {found.status}")
+    elif found is not None:
+        gone = ", ".join(f"{name} (changes less than {found.bounds[name]:.1%})" if name in found.bounds else name for name in found.left_out)
+        out.print(f"effects: {', '.join(found.kept)}; left out within {found.tolerance:.0%}: {gone or 'nothing'}; {found.jumps} jumps to find out")
 
 
 def print_summary(out: Console, summary: pd.DataFrame) -> None:

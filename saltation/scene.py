@@ -236,6 +236,29 @@ class Run(Table):
         return self
 
 
+class Chosen(Table):
+    """How effects = "auto" came to the effects.
+
+    Examples
+    --------
+    >>> Chosen.model_fields["kept"].description
+    'the effects of the scene'
+    """
+
+    of: str = Field(description="the key of the scene that said 'auto'")
+    tolerance: float = Field(description="relative, of mean H, L and ū (dimensionless)")
+    status: str = Field(description="of the run with all effects: if it did not finish, all are kept")
+    kept: list[str] = Field(description="the effects of the scene")
+    left_out: list[str] = Field(description="those that it can do without")
+    full: dict[str, float] = Field(description="mean height (d), length (d), velocity (u*) with all effects")
+    chosen: dict[str, float] = Field(description="the same with those that are kept (d, d, u*)")
+    bounds: dict[str, float | str] = Field(
+        description="largest relative change of them without each effect that is not ruled out (95 %, dimensionless), or why none"
+    )
+    tried: list[dict[str, Any]] = Field(description="what was left out together, with its bound (dimensionless)")
+    jumps: int = Field(description="jumps flown to find out")
+
+
 def _effects(value: Any) -> Any:
     """A preset's name, "auto", or a list of effects."""
     if isinstance(value, str):
@@ -270,7 +293,7 @@ class Basis(Table):
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
     tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū (dimensionless), for effects = 'auto'; default 0.05")
-    chosen: dict[str, Any] | None = Field(None, description="how the effects were chosen, with the evidence; written into results, not given")
+    chosen: Chosen | None = Field(None, description="how the effects were chosen, with the evidence: written with a result, not given")
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
     grain: Grain = Field(description="a table: density and diameter")
@@ -284,10 +307,10 @@ class Basis(Table):
     @property
     def names(self) -> tuple[str, ...]:
         """The effects, presets written out; all of them where they are still to be chosen."""
-        return tuple(self._preset.effects if isinstance(self.effects, str) else self.effects)
+        return tuple(self.preset.effects if isinstance(self.effects, str) else self.effects)
 
     @property
-    def _preset(self) -> Preset:
+    def preset(self) -> Preset:
         """What a word for the effects stands for."""
         if self.effects == AUTO:
             return Preset((*ALL, "encounters") if self.cloud is not None else ALL, 3)
@@ -296,7 +319,7 @@ class Basis(Table):
     @property
     def in_plane(self) -> bool:
         """Whether the scene has two dimensions."""
-        default = self._preset.dimensions if isinstance(self.effects, str) else 3
+        default = self.preset.dimensions if isinstance(self.effects, str) else 3
         return (self.dimensions or default) == 2
 
     def options(self, name: str) -> Any:
@@ -314,7 +337,7 @@ class Basis(Table):
         given = getattr(self, name)
         if given is not None:
             return given
-        preset = self._preset.options.get(name, {}) if isinstance(self.effects, str) else {}
+        preset = self.preset.options.get(name, {}) if isinstance(self.effects, str) else {}
         return EFFECTS[name].Options(**preset)
 
     @cached_property
@@ -351,6 +374,8 @@ class Basis(Table):
         names = self.names
         if self.tolerance is not None and self.effects != AUTO:
             raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
+        if self.chosen is not None and (self.effects == AUTO or self.chosen.kept != list(names)):
+            raise ValueError("chosen is written with the effects that it chose, and belongs to them: leave it out")
         if self.effects == AUTO and self.bed is None:
             raise ValueError("effects = 'auto' needs a [bed]: it compares jumps with each effect and without it")
         if self.run.jumps is not None and self.bed is None:
@@ -554,7 +579,15 @@ RIGHT = {  # what would be right, by pydantic's kind of mistake
     "too_short": "three numbers",
     "too_long": "three numbers",
 }
-KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "string": "a word in quotes", "list": "a list", "model": "a table"}
+KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "string": "a word in quotes",
+    "list": "a list",
+    "model": "a table",
+    "dict": "a table",
+}
 
 
 def _own_words(place: list[str], text: str) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,10 @@ import numpy as np
 from basset.kernels import Floats
 from basset.solvers import _march
 from saltation import flight
+from saltation._keys import key_of
 from saltation.engine import Engine, Grain
 from saltation.result import Result
-from saltation.scene import AUTO
+from saltation.scene import AUTO, scene_of
 from saltation.workers import Here
 
 __all__ = ["run"]
@@ -40,7 +43,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     ----------
     scene : Scene
         From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
-        `saltation.advice.choose`, over the executor or here; `result.scene.chosen` holds the evidence.
+        `saltation.advice.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` holds the evidence.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).
     output : path, optional
@@ -67,22 +70,20 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     >>> result.status, len(result.jumps)
     ('finished', 5)
     """
+    if scene.cloud is not None and executor is not None and output is not None:
+        raise ValueError("give either an output or an executor: blocks of grains have no parts in common")
+    if scene.cloud is None and executor is not None:
+        raise ValueError("executor is for scenes with a [cloud]: many scenes of a single grain are a campaign")
+    if scene.cloud is None and output is not None:
+        raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
     if scene.effects == AUTO:
         from saltation.advice import resolved
 
-        scene = resolved(scene, executor or Here())
+        scene = begun(scene, output) or resolved(scene, executor or Here())
     if scene.cloud is not None:
         from saltation.cloud import run_blocks, run_cloud
 
-        if executor is None:
-            return run_cloud(scene, progress, output)
-        if output is not None:
-            raise ValueError("give either an output or an executor: blocks of grains have no parts in common")
-        return run_blocks(scene, executor, progress)
-    if executor is not None:
-        raise ValueError("executor is for scenes with a [cloud]: many scenes of a single grain are a campaign")
-    if output is not None:
-        raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
+        return run_cloud(scene, progress, output) if executor is None else run_blocks(scene, executor, progress)
     if scene.solver.method != "collocation":
         from saltation.fixed import run_fixed
 
@@ -111,6 +112,17 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
         status, message = "creeping", "the grain slides along the bed: impacts follow each other without flight"
     path = flight.Record(*(np.concatenate(parts) for parts in zip(*kept, strict=True))) if kept else None
     return Result.of(engine, np.concatenate(rows), path, status, message, grain.spin)
+
+
+def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
+    """What was chosen for a scene that says "auto" when the run in this folder began; None if there is none."""
+    if output is None:
+        return None
+    try:
+        found = scene_of(json.loads((Path(output) / "run.json").read_text(encoding="utf-8"))["scene"])
+    except (OSError, ValueError, KeyError):
+        return None
+    return found if found.chosen is not None and found.chosen.of == key_of(scene) else None
 
 
 def empty_record(steps: int, stages: int, states: int) -> flight.Record:

@@ -220,7 +220,7 @@ BAD = {
     "step": (("compare", "plain.csv", "--sample-step", -1), "dt must be"),
     "scheme": (("weights", "daitsche", "--steps", 3), "did you mean 'daitche'?"),
     "no steps": (("weights", "daitche"), "--steps"),
-    "steps": (("weights", "daitche", "--steps", 0), "n must be a whole number"),
+    "steps": (("weights", "daitche", "--steps", 0), "--steps must be a whole number"),
     "order": (("weights", "daitche", "--steps", 3, "--order", 11), "order must be"),
     "order of brush": (("weights", "brush", "--steps", 3, "--order", 2), "--order has no meaning for 'brush'"),
     "window": (("weights", "windowed", "--steps", 3), "--window (seconds) must be given"),

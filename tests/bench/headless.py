@@ -37,10 +37,23 @@ class Browser:
         for end in (theirs_in, theirs_out, *high):
             os.close(end)
         self.session = None
-        target = next(each for each in self.call("Target.getTargets")["targetInfos"] if each["type"] == "page")
-        self.session = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.call(f"{domain}.enable")
+        try:
+            self.session = self.call("Target.attachToTarget", targetId=self.page(), flatten=True)["sessionId"]
+            for domain in ("Page", "Runtime", "Log", "Network"):
+                self.call(f"{domain}.enable")
+        except BaseException:
+            self.close()
+            raise
+
+    def page(self):
+        """The page that it starts with, as soon as it is there."""
+        deadline = time.monotonic() + self.patience
+        while time.monotonic() < deadline:
+            target = next((each for each in self.call("Target.getTargets")["targetInfos"] if each["type"] == "page"), None)
+            if target:
+                return target["targetId"]
+            time.sleep(0.05)
+        raise TimeoutError("the browser opens no page")
 
     def receive(self, deadline):
         while b"\0" not in self.rest:
@@ -94,7 +107,7 @@ class Browser:
             self.session = None
             self.call("Browser.close")
             self.process.wait(timeout=5)
-        except (OSError, RuntimeError, TimeoutError, subprocess.TimeoutExpired):
+        except (OSError, RuntimeError, subprocess.TimeoutExpired):
             self.process.kill()
             self.process.wait()
         finally:

@@ -1,6 +1,5 @@
-"""The pages: what the analysis makes of records, and the README's example."""
+"""The pages: what the analysis makes of records."""
 
-import re
 from pathlib import Path
 
 from reports import analysis, build
@@ -36,8 +35,3 @@ def test_pages_need_no_peers_and_time_nothing(tmp_path, monkeypatch):
     assert "make report-full" in page
     assert page.rstrip().splitlines()[-1].startswith("* ")
     assert {path.suffix for path in tmp_path.iterdir()} == {".svg", ".png"}
-
-
-def test_readme_example_keeps_its_promises():
-    example = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
-    exec(example.group(1), {})

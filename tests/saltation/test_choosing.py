@@ -1,5 +1,6 @@
 """Which effects a scene calls for: told by its numbers, measured by leaving out, chosen within a tolerance; what other choices do."""
 
+import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
@@ -11,7 +12,8 @@ from click.testing import CliRunner
 from scene_cases import interpreted, merged
 
 import saltation
-from saltation import advice, advice_plots, cli
+from saltation import advice, advice_plots, cli, simulation
+from saltation._keys import key_of, text_of
 from saltation.effects import EFFECTS
 from saltation.scene import SceneError, scene_of, shipped
 from saltation.workers import Here
@@ -90,8 +92,17 @@ class TestCompare:
         found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), lift=("finished", 1.5, 10.0, 6.0)))
         assert found.loc["lift", "height_change"] == pytest.approx(-0.25)
         assert found.loc["lift", "velocity_change"] == pytest.approx(0.2)
-        assert found.loc["lift", "height_error"] == pytest.approx(math.hypot(0.0015, 0.002) / 2.0)
-        assert advice.bound(found.loc["lift"]) == pytest.approx(0.25 + 1.96 * math.hypot(0.0015, 0.002) / 2.0)
+        assert found.loc["lift", "height_error"] == pytest.approx(0.75 * math.sqrt(2.0) * 0.001)  # of a ratio: relative errors add in squares
+        assert advice.bound(found.loc["lift"]) == pytest.approx(0.25 + 1.96 * 0.75 * math.sqrt(2.0) * 0.001)
+        assert found.loc["full", "height_error"] == pytest.approx(0.001) and found.loc["full", "height_change"] == 0.0
+
+    def test_the_error_is_that_of_a_ratio_of_means(self):
+        """Against many repetitions with known errors."""
+        random = np.random.default_rng(1)
+        ratios = random.normal(1.5, 0.015, 20_000) / random.normal(0.5, 0.02, 20_000)
+        rows = table_of(full=("finished", 0.5, 1.0, 1.0), lift=("finished", 1.5, 1.0, 1.0))
+        rows.loc["full", "height_se"], rows.loc["lift", "height_se"] = 0.02, 0.015
+        assert advice.compare(rows).loc["lift", "height_error"] == pytest.approx(ratios.std(), rel=0.05)
 
     def test_a_run_that_does_not_finish_bounds_nothing(self):
         found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), drag=("at rest", 2.0, 10.0, 5.0)))
@@ -115,7 +126,7 @@ class TestChoose:
                 tried.append(scene.names)
                 missing = [name for name in saltation.load("sand").names if name not in scene.names]
                 mean = 1.0 + sum(self.DOES.get(name, 0.0) for name in missing)
-                row = {"case": labels["case"], "jumps": scene.run.jumps, "status": "at rest" if "drag" in missing else "finished"}
+                row = {"case": labels["case"], "jumps": scene.run.jumps - scene.run.discard, "status": "at rest" if "drag" in missing else "finished"}
                 rows.append(row | dict.fromkeys(advice.VARIABLES, mean) | {f"{name}_se": 1e-4 for name in advice.VARIABLES})
             return pd.DataFrame(rows)
 
@@ -124,21 +135,50 @@ class TestChoose:
 
     def test_what_changes_less_than_the_tolerance_is_left_out_together(self, flown):
         made = advice.choose(saltation.load("sand"), 0.05)
-        assert set(made.chosen["left_out"]) == {"lift", "added_mass"}
-        assert made.names == ("weight", "drag", "history", "magnus", "rotation") == tuple(made.chosen["kept"])
-        assert made.chosen["bounds"]["drag"] == "at rest"
-        assert made.chosen["tried"][-1]["bound"] == pytest.approx(0.04, abs=1e-3)
+        assert set(made.chosen.left_out) == {"lift", "added_mass"}
+        assert made.names == ("weight", "drag", "history", "magnus", "rotation") == tuple(made.chosen.kept)
+        assert made.chosen.bounds["drag"] == "at rest"
+        assert made.chosen.tried[-1]["bound"] == pytest.approx(0.04, abs=1e-3)
 
     def test_what_is_too_much_together_puts_the_largest_back(self, flown):
         made = advice.choose(saltation.load("sand"), 0.035)
-        assert made.chosen["left_out"] == ["lift"]
-        assert [set(step["left_out"]) for step in made.chosen["tried"]] == [{"lift", "added_mass"}, {"lift"}]
-        assert made.chosen["chosen"]["height"] == pytest.approx(1.01)
+        assert made.chosen.left_out == ["lift"]
+        assert [set(step["left_out"]) for step in made.chosen.tried] == [{"lift", "added_mass"}]  # of lift alone the ablation has told
+        assert made.chosen.chosen["height"] == pytest.approx(1.01)
 
     def test_a_tight_tolerance_keeps_everything(self, flown):
         made = advice.choose(saltation.load("sand"), 0.005)
-        assert made.chosen["left_out"] == [] and set(made.names) == set(saltation.load("sand").names)
-        assert made.chosen["full"] == made.chosen["chosen"]
+        assert made.chosen.left_out == [] and set(made.names) == set(saltation.load("sand").names)
+        assert made.chosen.full == made.chosen.chosen
+
+    def test_what_nothing_needs_any_more_goes_too(self, flown, monkeypatch):
+        """Where Magnus alone reads the spin, rotation can only be left out after it."""
+        monkeypatch.setitem(self.DOES, "magnus", 0.001)
+        monkeypatch.setitem(self.DOES, "rotation", 0.0)
+        bed = {"rebound": "garcia_nino", "friction": None, "tangential_retention": 0.89}
+        made = advice.choose(scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"bed": bed})), 0.005)
+        assert "rotation" not in made.chosen.bounds
+        assert set(made.chosen.left_out) == {"magnus", "rotation"}
+
+    def test_every_jump_flown_is_counted(self, flown):
+        made = advice.choose(saltation.load("sand"), 0.05)
+        assert made.chosen.jumps == 9 * 420  # all, seven with one left out, one with two
+
+    def test_a_scene_that_does_not_finish_keeps_its_effects(self, flown, monkeypatch):
+        without = advice.campaign
+        monkeypatch.setattr(advice, "campaign", lambda *given, **more: without(*given, **more).assign(status="at rest"))
+        made = advice.choose(saltation.load("sand"), 0.05)
+        assert made.chosen.status == "at rest" and made.chosen.left_out == [] and len(made.names) == 7
+
+    @pytest.mark.parametrize("tolerance", [0.0, -1.0, 0.6, math.nan])
+    def test_a_tolerance_out_of_range_is_refused(self, tolerance):
+        with pytest.raises(ValueError, match="tolerance must be above 0"):
+            advice.choose(saltation.load("sand"), tolerance)
+
+    def test_the_scene_s_own_tolerance_is_taken(self, flown):
+        made = advice.choose(scene_of(saltation.load("sand").model_dump(exclude_none=True) | {"effects": "auto", "tolerance": 0.035}))
+        assert made.chosen.tolerance == 0.035 and made.chosen.left_out == ["lift"]
+        assert set(made.chosen.bounds) == set(saltation.load("sand").names)
 
     def test_weight_is_never_left_out(self, flown):
         assert "weight" in advice.choose(saltation.load("sand"), 0.5).names
@@ -151,6 +191,12 @@ class TestChoose:
         assert seen == [400, advice.MOST]
         advice.enough({"full": saltation.load("sand")}, 5e-5, None, None)
         assert seen[2:] == [400, 1600]
+
+
+EVIDENCE = {
+    "of": "x", "tolerance": 0.05, "status": "finished", "kept": ["weight"], "left_out": ["drag"],
+    "full": {}, "chosen": {}, "bounds": {"drag": 0.01}, "tried": [], "jumps": 1,
+}  # fmt: skip
 
 
 class TestAuto:
@@ -173,12 +219,48 @@ class TestAuto:
 
     def test_a_run_is_that_of_the_chosen_effects_and_keeps_the_evidence(self, three, tmp_path):
         result = saltation.run(three)
-        assert result.scene.chosen["tolerance"] == 0.5
-        assert result.scene.names == tuple(result.scene.chosen["kept"])
+        assert result.scene.chosen.tolerance == 0.5
+        assert result.scene.names == tuple(result.scene.chosen.kept)
         named = saltation.run(plain(effects=list(result.scene.names)))
         pd.testing.assert_frame_equal(result.jumps, named.jumps, check_exact=True)
         result.save(tmp_path / "auto.nc")
         assert saltation.open(tmp_path / "auto.nc").scene.chosen == result.scene.chosen
+
+    def test_an_explicit_tolerance_is_no_hindrance(self, three):
+        made = advice.choose(three, executor=Here())
+        assert set(made.chosen.bounds) == {"weight", "drag", "lift"}
+        assert made.chosen.left_out == ["lift"]
+
+    def test_a_campaign_chooses_once_and_goes_on_with_it(self, three, tmp_path, monkeypatch):
+        chosen = []
+        monkeypatch.setattr(advice, "resolved", lambda scene, executor: chosen.append(scene) or advice.choose(scene, None, executor))
+        scenes = [({"name": name}, three) for name in "ab"]
+        first = saltation.campaign(scenes, Here(), store=tmp_path)
+        again = saltation.campaign(scenes, Here(), store=tmp_path)
+        assert len(chosen) == 1
+        pd.testing.assert_frame_equal(first, again, check_exact=True)
+
+    def test_a_run_in_a_folder_goes_on_with_its_choice(self, tmp_path, monkeypatch):
+        auto = scene_of(merged(saltation.load("sand_cloud").model_dump(exclude_none=True), {"effects": "auto"}))
+        assert simulation.begun(auto, tmp_path) is None
+        made = advice.changed(auto, effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
+        (tmp_path / "run.json").write_text(json.dumps({"scene": json.loads(text_of(made))}))
+        assert simulation.begun(auto, tmp_path) == made
+        assert simulation.begun(advice.changed(auto, run={"seed": 2}), tmp_path) is None
+
+    def test_evidence_belongs_to_its_effects(self):
+        scene = saltation.load("sand")
+        made = advice.changed(scene, chosen=EVIDENCE | {"kept": list(scene.names)})
+        assert advice.without(made, ["lift"]).chosen is None
+        with pytest.raises(SceneError, match="chosen is written with the effects"):
+            advice.changed(scene, chosen=EVIDENCE)
+
+    def test_arguments_are_looked_at_first(self, three, monkeypatch):
+        monkeypatch.setattr(advice, "choose", lambda *_, **__: pytest.fail("chosen before"))
+        with pytest.raises(ValueError, match="executor is for scenes with a"):
+            saltation.run(three, executor=Here())
+        with pytest.raises(ValueError, match="results need a label 'name'"):
+            saltation.campaign([three], Here(), results="nowhere")
 
     def test_the_same_choice_and_row_on_any_workers(self, three):
         here = saltation.campaign([({"name": "auto"}, three)], Here())
@@ -199,6 +281,21 @@ class TestAuto:
 
 class TestOtherChoices:
     """What measurement has not settled."""
+
+    def test_a_preset_is_written_out(self):
+        made = advice.listed(scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"effects": "nino_garcia_1994", "rotation": None})))
+        assert made.in_plane and made.options("rotation").law == "prescribed"
+        assert list(made.names) == made.effects
+        assert all(case.in_plane and case.options("rotation").law == "prescribed" for case in advice.reduced(made).values())
+
+    def test_a_longer_run_has_a_memory_as_long(self):
+        made = advice.changed(saltation.load("sand"), history={"horizon": 500.0})
+        assert advice.long(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
+
+    def test_a_grain_as_heavy_as_its_fluid_has_no_typical_jump(self):
+        made = plain(grain={"density": 1000.0}, channel={"transport_stage": None, "shear_velocity": 0.03})
+        with pytest.raises(SceneError, match=r"grain\.density must differ"):
+            advice.advise(made)
 
     def test_each_variant_differs_in_one_choice_and_holds_the_scene_s_own(self):
         scene = saltation.load("sand")

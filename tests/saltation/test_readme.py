@@ -7,6 +7,7 @@ import shlex
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +30,10 @@ INLINE = re.findall(r"`((?:make|saltation|basset|pytest|pip|python -m bench) [^`
 
 
 @pytest.mark.parametrize("code", PYTHON)
-def test_python_lines_keep_their_promises(code):
-    exec(code, {})
+def test_python_lines_keep_their_promises(code, tmp_path):
+    """In a fresh interpreter and an empty folder, as a reader would."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_ten_lines_are_ten():
@@ -58,7 +61,7 @@ def test_inline_commands():
         elif words[0] == "pytest":
             assert list((ROOT / words[1]).glob("bench_*.py"))
         elif words[0] == "pip":
-            extra = re.fullmatch(r"basset\[(\w+)\]", words[2]).group(1)
+            extra = re.fullmatch(r"\.(?:\[(\w+)\])?", words[2]).group(1) or "dev"
             assert f"\n{extra} = [" in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         elif words[0] in ("basset", "saltation") and len(words) > 1:
             group = {"basset": basset.cli.main, "saltation": saltation.cli.main}[words[0]]
@@ -83,7 +86,7 @@ def folder(tmp_path_factory):
     return path
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def short(folder, monkeypatch):
     monkeypatch.chdir(folder)
     for name in ("PILOT", "MOST", "TIMED"):
@@ -93,7 +96,7 @@ def short(folder, monkeypatch):
     monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: thesis, "grains": lambda: brief})
 
 
-def test_commands_one_after_the_other(monkeypatch):
+def test_commands_one_after_the_other(short, monkeypatch):
     for line in LINES:
         words = shlex.split(line)
         if words[0] not in ("basset", "saltation") or "<host>" in line:
@@ -117,7 +120,7 @@ def run(words):
     assert found.stdout.strip(), words
 
 
-def test_several_machines():
+def test_several_machines(short):
     """The three lines, with this machine for each of them."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -129,11 +132,32 @@ def test_several_machines():
     scheduler = [str(found), *scheduler[1:], "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
     worker = [str(found), *worker[1:], "--no-dashboard"]
     installed = {**os.environ, "PYTHONPATH": str(ROOT)}
-    processes = [subprocess.Popen(words, env=installed, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for words in (scheduler, worker)]
-    try:
-        run(campaign)
-    finally:
-        for process in reversed(processes):  # a worker waits for its scheduler
-            process.terminate()
-            process.wait(30)
+    with open("several.log", "w", encoding="utf-8") as log:
+        processes = [subprocess.Popen(words, env=installed, stdout=log, stderr=log) for words in (scheduler, worker)]
+        try:
+            wait_for(port, processes[0])
+            run(campaign)
+        finally:
+            for process in reversed(processes):  # a worker waits for its scheduler
+                stop(process)
     assert (Path("out") / "table.csv").exists()
+
+
+def wait_for(port, process):
+    """Until the port answers."""
+    for _ in range(600):
+        assert process.poll() is None, Path("several.log").read_text(encoding="utf-8")
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+            return
+        time.sleep(0.1)
+    raise AssertionError(Path("several.log").read_text(encoding="utf-8"))
+
+
+def stop(process):
+    """End a process, by force if it must be."""
+    process.terminate()
+    try:
+        process.wait(20)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
