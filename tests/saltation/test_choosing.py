@@ -160,6 +160,24 @@ class TestChoose:
         assert "rotation" not in made.chosen.bounds
         assert set(made.chosen.left_out) == {"magnus", "rotation"}
 
+    def test_what_is_undecided_is_flown_on(self, flown, monkeypatch):
+        """With 4 % of the tolerance to spare and a standard error of as much, only more jumps can tell."""
+        known, asked = advice.campaign, []
+
+        def rough(scenes, *given, **more):
+            asked.append({labels["case"]: scene.run.jumps for labels, scene in scenes})
+            found = known(scenes, *given, **more)
+            return found.assign(**{f"{name}_se": 0.02 / np.sqrt(found["jumps"] / advice.PILOT) for name in advice.VARIABLES})
+
+        monkeypatch.setattr(advice, "campaign", rough)
+        monkeypatch.setitem(self.DOES, "lift", 0.17)
+        monkeypatch.setitem(self.DOES, "added_mass", 0.0)
+        monkeypatch.setitem(self.DOES, "history", 0.5)
+        made = advice.choose(saltation.load("sand"), 0.2)
+        assert set(made.chosen.left_out) == {"lift", "added_mass"}
+        assert asked[1] == {"full": 1620, "lift": 1620} and set(asked[2]) == {"chosen"}
+        assert made.chosen.jumps == sum(sum(jumps.values()) for jumps in asked)
+
     def test_every_jump_flown_is_counted(self, flown):
         made = advice.choose(saltation.load("sand"), 0.05)
         assert made.chosen.jumps == 9 * 420  # all, seven with one left out, one with two
@@ -396,3 +414,24 @@ def test_ablate_prints_draws_and_writes(tmp_path, monkeypatch):
     assert "without lift" in " ".join(label.get_text() for axes in advice_plots.ablation(table).axes for label in axes.get_yticklabels())
     again = CliRunner().invoke(cli.main, ["ablate", "sand", *arguments, "--output", str(file)])
     assert again.exit_code == 2 and "--force" in again.stderr
+
+
+def test_force_takes_nothing_away_before_the_choice_is_made(tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    (tmp_path / "run.json").write_text("{}")
+    monkeypatch.setattr(advice, "resolved", interrupted)
+    out = CliRunner().invoke(cli.main, ["run", "sand_cloud", "--set", "effects=auto", "--output", str(tmp_path), "--force"])
+    assert out.exit_code == 130 and "stopped" in out.stderr
+    assert (tmp_path / "run.json").exists()
+
+
+@pytest.mark.parametrize("command", ["ablate", "uncertainty"])
+def test_an_interrupt_is_one_sentence(command, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(advice, command, interrupted)
+    out = CliRunner().invoke(cli.main, [command, "sand"])
+    assert out.exit_code == 130 and out.stderr.strip() == "stopped: nothing is kept"
