@@ -30,7 +30,7 @@ def sets(data: Record, titles: Mapping[str, str]) -> Any:
             axes.annotate(text, place, xytext=(-8, -4), textcoords="offset points", ha="right", va="top", color=BLUE)
         else:
             axes.annotate(
-                "auto: keeps all seven", (full, 100.0 * data["tolerance"]), xytext=(0, -8), textcoords="offset points", ha="right", va="top", color=BLUE
+                f"auto: keeps all {full}", (full, 100.0 * data["tolerance"]), xytext=(0, -8), textcoords="offset points", ha="right", va="top", color=BLUE
             )
         axes.set(xlabel="number of effects", title=titles[name], xlim=(1.5, full + 0.5), ylim=(0.2, 2000.0))
     panels[0].annotate(f"tolerance {100.0 * data['tolerance']:g} %", (1.6, 100.0 * data["tolerance"]), xytext=(0, 3), textcoords="offset points", color=RED)

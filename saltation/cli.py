@@ -53,6 +53,8 @@ class Commands(click.Group):
             return super().invoke(ctx)
         except SceneError as error:
             raise Mistake(str(error)) from None
+        except BrokenExecutor as error:
+            raise click.ClickException(f"{error}: nothing is kept") from None
 
 
 @click.group(cls=Commands)

@@ -271,6 +271,7 @@ def _effects(value: Any) -> Any:
     for name in value:
         if not isinstance(name, str) or name not in EFFECTS:
             hint = _validate.suggestion(name, EFFECTS) if isinstance(name, str) else ""
+            hint = f"; a word for all of them stands alone: effects = {name!r}" if name in (AUTO, *PRESETS) else hint
             raise ValueError(f"must hold only {', '.join(map(repr, EFFECTS))}, got {_validate.shown(name)}{hint}")
         if list(value).count(name) > 1:
             raise ValueError(f"must hold each effect once, got {name!r} twice")

@@ -75,6 +75,7 @@ BAD_SCENES = {
     "four dimensions": (["dimensions=4"], ["dimensions", "2 or 3"]),
     "two components": (["start.velocity=[0.1, 0.1]"], ["start.velocity", "three numbers"]),
     "a list of lists": (["effects=[['weight']]"], ["effects", "['weight']"]),
+    "auto in a list": (["effects=['auto']"], ["effects", "stands alone", "effects = 'auto'"]),
     "no effects": (["effects=[]"], ["effects", "at least one"]),
     "an effect twice": (["effects=['weight', 'drag', 'weight']"], ["effects", "'weight' twice"]),
     "both lengths": (["run.duration=1.0"], ["run", "not both"]),
