@@ -389,6 +389,7 @@ def choose(scene: Any, tolerance: float | None = None, executor: Executor | None
 
     Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out
     together; while that is too much, the one that changes most is put back. What can only then be left out is tried last.
+    A bound is that of one look: looking again and at many effects makes a wrong one likelier than 5 %, for changes next to the tolerance.
     The same scene always comes to the same choice. A scene that does not finish with all its effects keeps them.
 
     Parameters

@@ -123,7 +123,7 @@ class Kept:
         >>> result_of(result.dataset()).jumps.equals(result.jumps)
         True
         """
-        raise NotImplementedError
+        raise NotImplementedError  # one grain and many have each their own
 
     def _told(self) -> dict[str, Any]:
         numbers = self.scene.numbers
