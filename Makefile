@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report report-full test regress lint api clean
+.PHONY: report report-full test regress sweep lint api clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
@@ -27,6 +27,9 @@ test: .venv/.ready  ## on all cores
 
 regress: .venv/.ready  ## against analytic solutions alone
 	$(BIN)/python -m pytest -n auto -m analytic tests
+
+sweep: .venv/.ready  ## random inputs, fifty times as many as in `make test`
+	$(BIN)/python -m pytest -n auto -m sweep --hypothesis-profile=sweep tests
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

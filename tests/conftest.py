@@ -1,0 +1,10 @@
+"""Random tests draw the same examples on every machine; `make sweep` draws fifty times as many, anew each time.
+
+A test that needs more or fewer takes a share: `@settings(max_examples=10 * settings().max_examples)`.
+"""
+
+from hypothesis import settings
+
+settings.register_profile("repeatable", max_examples=20, deadline=None, derandomize=True)
+settings.register_profile("sweep", max_examples=1000, deadline=None)
+settings.load_profile("repeatable")
