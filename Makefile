@@ -1,44 +1,58 @@
-# Everything from a fresh clone with python3 (3.11 or newer) and make: `make report`, `make test`.
+# Everything from a fresh clone with Python 3.11 or newer and make: `make report`, `make test`; another interpreter: `make test PYTHON=python3.13`.
 PYTHON ?= python3
 BIN := .venv/bin
+VERSION := $(shell $(PYTHON) -c 'import platform; print(platform.python_version())' 2>/dev/null)
+READY := .venv/.ready-$(VERSION)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: report report-full test regress sweep lint api clean
+.PHONY: report report-full test test-latest regress sweep lint lock api clean
 
-.venv/.ready: pyproject.toml
+$(READY): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@echo "installing into .venv: the packages of requirements.lock, for Python $(VERSION)"
+	$(PYTHON) -m venv --clear .venv
+	$(PIP) -r requirements.lock
+	$(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
-.venv/.peers: .venv/.ready
-	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[peers]'
+.venv/.peers: $(READY)
+	-$(PIP) --constraint requirements.lock -e '.[peers]'
 	touch $@
 
-report: .venv/.ready  ## measure and write reports/
+report: $(READY)  ## measure and write reports/
 	$(BIN)/python -m bench
 	$(BIN)/python -m reports.build
 
-report-full: .venv/.ready .venv/.peers  ## the same with longer runs and the peers
+report-full: $(READY) .venv/.peers  ## the same with longer runs and the peers
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
-test: .venv/.ready  ## on all cores
+test: $(READY)  ## on all cores
 	$(BIN)/python -m pytest -n auto
 
-regress: .venv/.ready  ## against analytic solutions alone
+test-latest:  ## the same with the newest of every dependency instead of the locked ones
+	$(PYTHON) -m venv --clear .venv-latest
+	.venv-latest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -e '.[dev]'
+	.venv-latest/bin/python -m pytest -n auto
+
+regress: $(READY)  ## against analytic solutions alone
 	$(BIN)/python -m pytest -n auto -m analytic tests
 
-sweep: .venv/.ready  ## random inputs, fifty times as many as in `make test`
+sweep: $(READY)  ## random inputs, fifty times as many as in `make test`
 	$(BIN)/python -m pytest -n auto -m sweep --hypothesis-profile=sweep tests
 
-lint: .venv/.ready
+lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-api: .venv/.ready  ## pages of every public docstring in reports/api/, of the modules that tests/test_docstrings.py holds to account
+lock: $(READY)  ## the newest of every dependency, for all Python versions from 3.11 on, into requirements.lock
+	$(PIP) uv
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev --no-annotate --custom-compile-command 'make lock' pyproject.toml -o requirements.lock
+
+api: $(READY)  ## pages of every public docstring in reports/api/, of the modules that tests/test_docstrings.py holds to account
 	PYTHONPATH=.:tests $(BIN)/pdoc --docformat numpy --no-show-source -o reports/api \
 		$$(PYTHONPATH=.:tests $(BIN)/python -c 'from test_docstrings import MODULES; print(*MODULES)')
 
 clean:
-	rm -rf .venv build reports/api *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-latest build reports/api *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -141,9 +141,14 @@ def compare(meeting: CloudResult, passing: CloudResult) -> pd.DataFrame:
         row["standard_error"] = math.hypot(*(mean_error(jumps, name) for jumps in tables))
         row["p_bootstrap"] = two_sided(row["difference"], row["standard_error"])
         both = min(len(jumps) for jumps in tables) > 0
-        row["p_wilcoxon"] = float(mannwhitneyu(*(jumps[name] for jumps in tables)).pvalue) if both else math.nan
+        row["p_wilcoxon"] = rank_sum(*(jumps[name] for jumps in tables)) if both else math.nan
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def rank_sum(one: pd.Series, other: pd.Series) -> float:
+    """Probability of ranks at least as unlike (Mann and Whitney 1947); 1 where all values are one, of which SciPy's answer depends on its version."""
+    return 1.0 if len({*one, *other}) == 1 else float(mannwhitneyu(one, other).pvalue)
 
 
 def two_sided(difference: float, error: float) -> float:

@@ -111,6 +111,13 @@ def test_a_run_does_not_differ_from_itself():
     assert found["p_wilcoxon"].to_numpy() == pytest.approx(1.0)
 
 
+def test_ranks_that_are_all_one_are_no_difference():
+    """Whatever the version of SciPy makes of them."""
+    for sizes in ((1, 1), (3, 5), (40, 60)):
+        assert grains.rank_sum(*(pd.Series(np.full(size, 0.5)) for size in sizes)) == 1.0
+    assert grains.rank_sum(pd.Series([1.0, 2.0, 3.0]), pd.Series([4.0, 5.0, 6.0])) == pytest.approx(0.1)  # 2 of the 20 orders
+
+
 def test_a_true_difference_is_found_with_its_size():
     jumps, others = (series(np.random.default_rng(seed), 15, 100, 0.3) for seed in (3, 4))
     found = grains.compare(made(jumps.assign(height=jumps["height"] + 0.5)), made(others)).set_index("quantity").loc["height"]
