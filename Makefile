@@ -3,20 +3,27 @@ PYTHON ?= python3
 BIN := .venv/bin
 VERSION := $(shell $(PYTHON) -c 'import platform; print(platform.python_version())' 2>/dev/null)
 READY := .venv/.ready-$(VERSION)
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+DEV := .venv/.dev-$(VERSION)
+# --no-compile: what is imported is compiled then; all of it would take two thirds of the installation
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint requirements.lock
 
 .PHONY: report report-full test test-latest regress sweep lint lock api clean
 
 $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
-	@echo "installing into .venv: the packages of requirements.lock, for Python $(VERSION)"
+	@echo "installing into .venv, with the versions of requirements.lock, for Python $(VERSION)"
 	$(PYTHON) -m venv --clear .venv
-	$(PIP) -r requirements.lock
-	$(PIP) --no-deps --no-build-isolation -e .
+	$(PIP) setuptools
+	$(PIP) --no-build-isolation -e .
+	touch $@
+
+$(DEV): $(READY)
+	@echo "installing what the tests need"
+	$(PIP) --no-build-isolation -e '.[dev]'
 	touch $@
 
 .venv/.peers: $(READY)
-	-$(PIP) --constraint requirements.lock -e '.[peers]'
+	-$(PIP) --no-build-isolation -e '.[peers]'
 	touch $@
 
 report: $(READY)  ## measure and write reports/
@@ -27,7 +34,7 @@ report-full: $(READY) .venv/.peers  ## the same with longer runs and the peers
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
-test: $(READY)  ## on all cores
+test: $(DEV)  ## on all cores
 	$(BIN)/python -m pytest -n auto
 
 test-latest:  ## the same with the newest of every dependency instead of the locked ones
@@ -35,13 +42,13 @@ test-latest:  ## the same with the newest of every dependency instead of the loc
 	.venv-latest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -e '.[dev]'
 	.venv-latest/bin/python -m pytest -n auto
 
-regress: $(READY)  ## against analytic solutions alone
+regress: $(DEV)  ## against analytic solutions alone
 	$(BIN)/python -m pytest -n auto -m analytic tests
 
-sweep: $(READY)  ## random inputs, fifty times as many as in `make test`
+sweep: $(DEV)  ## random inputs, fifty times as many as in `make test`
 	$(BIN)/python -m pytest -n auto -m sweep --hypothesis-profile=sweep tests
 
-lint: $(READY)
+lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -50,7 +57,7 @@ lock: $(READY)  ## the newest of every dependency, for all Python versions from 
 	$(PIP) uv
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev --no-annotate --custom-compile-command 'make lock' pyproject.toml -o requirements.lock
 
-api: $(READY)  ## pages of every public docstring in reports/api/, of the modules that tests/test_docstrings.py holds to account
+api: $(DEV)  ## pages of every public docstring in reports/api/, of the modules that tests/test_docstrings.py holds to account
 	PYTHONPATH=.:tests $(BIN)/pdoc --docformat numpy --no-show-source -o reports/api \
 		$$(PYTHONPATH=.:tests $(BIN)/python -c 'from test_docstrings import MODULES; print(*MODULES)')
 
