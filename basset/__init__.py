@@ -5,24 +5,41 @@ H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that b
 
 __version__ = "0.1.0"
 
-from basset.advice import Advice, Candidate, advise
-from basset.evaluate import cumulate, integrate
-from basset.exponentials import ExponentialSum
-from basset.finite_reynolds import VaryingSlipKernel
-from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
-from basset.quadrature import (
-    SCHEMES,
-    Brush,
-    Daitche,
-    EulerMaclaurin,
-    Exponential,
-    Hinsberg,
-    Rule,
-    SemiDerivative,
-    UnknownSchemeError,
-    Windowed,
-)
-from basset.solvers import Collocation, FixedStep, RungeKutta4, solve
+from typing import TYPE_CHECKING
+
+from basset._lazy import face
+
+if TYPE_CHECKING:
+    from basset.advice import Advice, Candidate, advise
+    from basset.evaluate import cumulate, integrate
+    from basset.exponentials import ExponentialSum
+    from basset.finite_reynolds import VaryingSlipKernel
+    from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
+    from basset.quadrature import (
+        SCHEMES,
+        Brush,
+        Daitche,
+        EulerMaclaurin,
+        Exponential,
+        Hinsberg,
+        Rule,
+        SemiDerivative,
+        UnknownSchemeError,
+        Windowed,
+    )
+    from basset.solvers import Collocation, FixedStep, RungeKutta4, solve
+else:
+    _places = {
+        **dict.fromkeys(("Advice", "Candidate", "advise"), "advice"),
+        **dict.fromkeys(("cumulate", "integrate"), "evaluate"),
+        "ExponentialSum": "exponentials",
+        "VaryingSlipKernel": "finite_reynolds",
+        **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel"), "kernels"),
+        **dict.fromkeys(("SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "Rule"), "quadrature"),
+        **dict.fromkeys(("SemiDerivative", "UnknownSchemeError", "Windowed"), "quadrature"),
+        **dict.fromkeys(("Collocation", "FixedStep", "RungeKutta4", "solve"), "solvers"),
+    }
+    __getattr__, __dir__ = face(__name__, globals(), _places)
 
 __all__ = [
     "SCHEMES",

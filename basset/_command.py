@@ -6,13 +6,15 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
 
 from basset._files import replacing
+
+if TYPE_CHECKING:  # loaded where something is shown
+    from rich.console import Console
+    from rich.progress import ProgressColumn
 
 WIDTH = 160  # of tables that go to a file or a pipe
 
@@ -29,6 +31,8 @@ class Mistake(click.ClickException):
 
 def console(error: bool = False) -> Console:
     """Where tables and progress go."""
+    from rich.console import Console
+
     made = Console(stderr=error, markup=False, highlight=False)
     return made if made.is_terminal else Console(stderr=error, markup=False, highlight=False, width=WIDTH)
 
@@ -36,6 +40,8 @@ def console(error: bool = False) -> Console:
 @contextlib.contextmanager
 def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterator[Callable[[float], None]]:
     """A bar on a terminal, nothing elsewhere; what is yielded takes the share that is done."""
+    from rich.progress import BarColumn, Progress, TextColumn
+
     screen = console(error=True)
     with Progress(TextColumn(name), BarColumn(), *columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task(name, total=total)

@@ -10,19 +10,24 @@ import io
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
-from rich.table import Table
 
 import basset
-from basset import __version__, _validate, advice, comparison, samples
+from basset import __version__
 from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
 from basset._files import write
-from basset.advice import USES, Advice
-from basset.problems import PROBLEMS
-from basset.quadrature.base import INPUTS
+from basset._lazy import Later
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from basset import _validate, advice, comparison, samples
+    from basset.advice import Advice
+else:  # the help needs none of them
+    Table = Later("rich.table", "Table")
+    _validate, advice, comparison, samples = map(Later, ("basset._validate", "basset.advice", "basset.comparison", "basset.samples"))
 
 KERNELS = ("basset", "mei_adrian", "dorgan_loth")
 SHOWN = 12  # candidates in a table
@@ -65,7 +70,7 @@ def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
 def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options that say how a file of samples is read."""
     options = (
-        click.option("--input", "kind", default=INPUTS[0], show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
+        click.option("--input", "kind", default="rate", show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
         click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times, the first column]"),
         click.option("--variable", help="Which variable of a netCDF file."),
     )
@@ -85,11 +90,13 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--particles", type=int, default=1, show_default=True)
 @click.option("--components", type=int, default=3, show_default=True, help="Components of each particle.")
 @click.option("--memory", type=float, default=math.inf, help="Bytes that may be needed at most.  [default: no limit]")
-@click.option("--use", default=USES[0], show_default=True, help="stream: one sample after the other; path: all samples are there.")
+@click.option("--use", default="stream", show_default=True, help="stream: one sample after the other; path: all samples are there.")
 @with_kernel
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
     """Rank the schemes by predicted error, time and bytes, and say which one to take."""
     kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "slip", "diameter", "viscosity")})
+    from basset.quadrature.base import INPUTS
+
     _validate.choice("input", kind, INPUTS)
     if file is not None:
         with mistakes_of_files("--samples"):
@@ -138,6 +145,8 @@ def compare(
 
     The truth of samples is the highest order on all of them; how far two high orders differ says how well it is known.
     """
+    from basset.quadrature.base import INPUTS
+
     _validate.choice("input", kind, INPUTS)
     if output is not None:
         if output.suffix not in (*PICTURES, ".csv"):
@@ -169,6 +178,8 @@ def compare(
 
 def subject_of(name: str, kind: str, step: float | None, variable: str | None, initial_slip: float, kernel: basset.Kernel) -> comparison.Subject:
     """A named problem, or the samples of a file."""
+    from basset.problems import PROBLEMS
+
     if Path(name).suffix in samples.SUFFIXES:
         with mistakes_of_files("FILE"):
             g, dt = samples.read(Path(name), step, variable)
@@ -190,7 +201,7 @@ def subject_of(name: str, kind: str, step: float | None, variable: str | None, i
 @click.option("--order", type=int, help="Degree of the polynomials: daitche, exponential, windowed.")
 @click.option("--rtol", type=float, help="Promised error of the sum: exponential; windowed: with a fitted tail.")
 @click.option("--window", type=float, help="Memory time in seconds: hinsberg, windowed.")
-@click.option("--input", "kind", default=INPUTS[0], show_default=True, help="What the weights act on: rate or slip.")
+@click.option("--input", "kind", default="rate", show_default=True, help="What the weights act on: rate or slip.")
 @with_kernel
 @click.option("--output", type=click.Path(path_type=Path), help="A CSV file instead of the screen.")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
@@ -253,7 +264,7 @@ def csv_text(head: tuple[str, ...], rows: list[list[Any]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
-    writer.writerows([[repr(float(cell)) if isinstance(cell, (float, np.floating)) else cell for cell in row] for row in rows])
+    writer.writerows([[repr(float(cell)) if isinstance(cell, float) else cell for cell in row] for row in rows])
     return text.getvalue()
 
 

@@ -17,26 +17,40 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import pandas as pd
-from rich.console import Console
-from rich.progress import TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 import saltation
-from basset import __version__, _validate
+from basset import __version__
 from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
-from saltation import advice, advice_plots, campaigns, checks, grains, statistics
+from basset._lazy import Later
 from saltation._files import write
-from saltation.result import UNITS, Result
-from saltation.scene import AUTO, Scene, SceneError, read, scene_of, shipped
-from saltation.simulation import begun
-from saltation.workers import processes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.console import Console
+    from rich.progress import TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.table import Table
+
+    from basset import _validate
+    from saltation import advice, advice_plots, campaigns, checks, grains, statistics
+    from saltation.result import Result
+    from saltation.scene import Scene, read, scene_of, shipped
+    from saltation.simulation import begun
+    from saltation.workers import processes
+else:  # the help needs none of them, most commands a few
+    pd, _validate = Later("pandas"), Later("basset._validate")
+    Table = Later("rich.table", "Table")
+    TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
+    advice, advice_plots, campaigns, checks, grains, statistics = (
+        Later(f"saltation.{name}") for name in ("advice", "advice_plots", "campaigns", "checks", "grains", "statistics")
+    )
+    Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
+    begun, processes = Later("saltation.simulation", "begun"), Later("saltation.workers", "processes")
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-SERIES = {"thesis": campaigns.thesis, "grains": campaigns.grains}
+SERIES = {name: Later("saltation.campaigns", name) for name in ("thesis", "grains")}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
 OWN = {  # what the thesis's runs differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
@@ -51,8 +65,12 @@ class Commands(click.Group):
         """Run the command."""
         try:
             return super().invoke(ctx)
-        except SceneError as error:
-            raise Mistake(str(error)) from None
+        except ValueError as error:
+            from saltation.scene import SceneError
+
+            if isinstance(error, SceneError):
+                raise Mistake(str(error)) from None
+            raise
         except BrokenExecutor as error:
             raise click.ClickException(f"{error}: nothing is kept") from None
 
@@ -133,6 +151,8 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     A run of many grains (a scene with a [cloud]) with --output is written as it goes: stopped in any way, the same command goes
     on from there.
     """
+    from saltation.scene import AUTO
+
     made = scene_of(changed(read(scene), changes))
     folder = output if made.cloud is not None else None
     if folder is not None:
@@ -575,6 +595,8 @@ def print_choice(out: Console, scene: Any) -> None:
 
 def print_summary(out: Console, summary: pd.DataFrame) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
+    from saltation.result import UNITS
+
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
         table.columns[column].justify = "right"
@@ -601,6 +623,8 @@ def print_combinations(out: Console, table: pd.DataFrame) -> None:
     """Quantiles over all combinations, and what each choice contributes."""
     finished = table["status"] == "finished"
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
+    from saltation.result import UNITS
+
     shown = Table("", *(f"{name} ({UNITS[name][0]})" for name in statistics.VARIABLES), box=None)
     for quantile, row in advice.extent(table).iterrows():
         shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))

@@ -18,7 +18,6 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
 from basset import _validate
@@ -289,6 +288,8 @@ class WeightTable:
             return result
         count = n + 1 - reach  # samples with interior weights in the last row
         if count:
+            import scipy.fft  # takes longer to import than all of this package
+
             size = scipy.fft.next_fast_len(2 * count - 1, real=True)
             product = scipy.fft.rfft(samples[reach:], size, axis=0) * self._transformed(count, size)[:, None]
             result[first:] = scipy.fft.irfft(product, size, axis=0)[first - reach : count]
@@ -311,6 +312,8 @@ class WeightTable:
     def _transformed(self, count: int, size: int) -> NDArray[np.complex128]:
         with self._lock:
             if self._spectrum is None or self._spectrum[:2] != (count, size):
+                import scipy.fft
+
                 spectrum = scipy.fft.rfft(self.interior(count)[::-1], size)
                 self._grew(spectrum, self._spectrum[2].nbytes if self._spectrum else 0)
                 self._spectrum = (count, size, spectrum)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.special import roots_jacobi
 
 from basset._compile import is_compiled, rate_function
 from basset.exponentials import ExponentialSum
@@ -50,6 +49,8 @@ class Stages:
     """Nodes and bases for S stages."""
 
     def __init__(self, stages: int) -> None:
+        from scipy.special import roots_jacobi
+
         inner = roots_jacobi(stages - 1, 1.0, 0.0)[0] if stages > 1 else np.empty(0)
         self.c = np.append((inner + 1.0) / 2.0, 1.0)  # Radau IIA
         self.regular = Nodal(self.c)
