@@ -27,7 +27,7 @@ FILL = "fill the gaps, by interpolation for instance, or take a stretch without 
 def whole(name: str, value: Any) -> Any:
     """`value` without its mask; refused if it has masked entries or pandas' NA, under which NumPy would take any number."""
     if isinstance(value, np.ma.MaskedArray):
-        if count := int(np.ma.count_masked(value)):
+        if count := int(np.sum(value.mask)):
             where = f"{count} of {value.size} masked, the first in row {np.argwhere(value.mask)[0][0]}" if value.ndim else "a masked one"
             raise MissingError(f"{name} must have no missing values, got {where}: {FILL}")
         return value.data
