@@ -17,8 +17,39 @@ def shown(value: Any, limit: int = 60) -> str:
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 
+class MissingError(ValueError):
+    """Values are missing among others."""
+
+
+FILL = "fill the gaps, by interpolation for instance, or take a stretch without any"
+
+
+def whole(name: str, value: Any) -> Any:
+    """`value` without its mask; refused if it has masked entries or pandas' NA, under which NumPy would take any number."""
+    if isinstance(value, np.ma.MaskedArray):
+        if count := int(np.sum(value.mask)):
+            where = f"{count} of {value.size} masked, the first in row {np.argwhere(value.mask)[0][0]}" if value.ndim else "a masked one"
+            raise MissingError(f"{name} must have no missing values, got {where}: {FILL}")
+        return value.data
+    entries = value.ravel().tolist() if isinstance(value, np.ndarray) and value.dtype == object else value if isinstance(value, (list, tuple)) else ()
+    for kind in set(map(type, entries)):  # of a million floats: one look
+        if kind.__name__ == "NAType":
+            raise MissingError(f"{name} must have no missing values, got <NA>: {FILL}")
+        if issubclass(kind, (list, tuple, np.ndarray)):
+            for entry in entries:
+                whole(name, entry)
+    return value
+
+
+def apart(first: float, second: float) -> tuple[str, str]:
+    """Two numbers for one sentence, with so many digits that they differ."""
+    digits = 6 if first == second else next((count for count in range(6, 17) if f"{first:.{count}g}" != f"{second:.{count}g}"), 17)
+    return f"{first:.{digits}g}", f"{second:.{digits}g}"
+
+
 def number(name: str, value: Any, right: str = "a finite number") -> float:
     """`value` as a finite float; TypeError for what is no real number, ValueError for NaN and infinity."""
+    value = whole(name, value) if isinstance(value, np.ma.MaskedArray) else value
     if isinstance(value, (bool, np.bool_, str, bytes)) or value is None:
         raise TypeError(f"{name} must be {right}, got {shown(value)}")
     try:
@@ -51,6 +82,7 @@ def non_negative(name: str, value: Any, unit: str = "") -> float:
 def integer(name: str, value: Any, low: int, high: int | None = None) -> int:
     """`value` as an int in [low, high]; floats are refused even when they are whole."""
     right = f"a whole number from {low} to {high}" if high is not None else f"a whole number, {low} or greater"
+    value = whole(name, value) if isinstance(value, np.ma.MaskedArray) else value
     if isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be {right}, got {shown(value)}")
     try:

@@ -206,11 +206,13 @@ def _checked(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel, input: s
 
 
 def _converted(name: str, value: Any) -> Floats:
-    """`value` as a float64 array; what does not hold real numbers is refused."""
+    """`value` as a float64 array; what does not hold real numbers, or misses some, is refused."""
     try:
-        array = np.asarray(value)
+        array = np.asarray(_validate.whole(name, value))
         if array.dtype == object and not any(isinstance(entry, (str, bytes, bool, np.bool_)) or entry is None for entry in array.flat):
-            array = array.astype(np.float64)
+            array = _validate.whole(name, array).astype(np.float64)
+    except _validate.MissingError:
+        raise
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be an array of real numbers with equal rows, got {_validate.shown(value)}") from None
     if array.dtype.kind not in "fiu":
@@ -239,5 +241,7 @@ def _diagnose(samples: Floats, offset: int, name: str = "g") -> None:
     rows = np.flatnonzero(~np.isfinite(samples.reshape(len(samples), -1)).all(axis=1))
     if len(rows):
         bad = samples.reshape(len(samples), -1)[rows[0]]
-        raise ValueError(f"{name} must be finite, got {bad[~np.isfinite(bad)][0]} in sample {rows[0] + offset} (and {len(rows) - 1} other samples)")
+        first = bad[~np.isfinite(bad)][0]
+        hint = f": {_validate.FILL}" if np.isnan(first) else ""
+        raise ValueError(f"{name} must be finite, got {first} in sample {rows[0] + offset} (and {len(rows) - 1} other samples){hint}")
     raise ValueError(f"{name} must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")

@@ -76,8 +76,9 @@ class ExponentialSum:
         far = self.far if self.far == math.inf else _validate.positive("far", self.far, "seconds")
         if not isinstance(self.kernel, Kernel):
             raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(self.kernel)}")
+        given = (_validate.whole("weights", self.weights), _validate.whole("rates", self.rates))
         try:
-            weights, rates = (np.array(values, dtype=np.float64) for values in (self.weights, self.rates))
+            weights, rates = (np.array(values, dtype=np.float64) for values in given)
         except (TypeError, ValueError):
             raise TypeError(f"weights and rates must be arrays of real numbers, got {_validate.shown((self.weights, self.rates))}") from None
         if weights.ndim != 1 or weights.shape != rates.shape or not len(weights):
@@ -85,7 +86,7 @@ class ExponentialSum:
         if not (np.isfinite(weights).all() and np.isfinite(rates).all() and (weights > 0.0).all() and (rates > 0.0).all()):
             raise ValueError("weights and rates must be positive and finite, got values that are not")
         if not far > near:
-            raise ValueError(f"far must be greater than near = {near:g} (seconds), got {far:g}")
+            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
         order = np.argsort(rates)
         for name, values in (("weights", weights[order]), ("rates", rates[order])):
             values.flags.writeable = False
@@ -162,7 +163,7 @@ class ExponentialSum:
         near = _validate.positive("near", self.near if near is None else near, "seconds")
         far = _validate.positive("far", self.far if far is None else far, "seconds")
         if far < near:
-            raise ValueError(f"far must not be smaller than near = {near:g} (seconds), got {far:g}")
+            raise ValueError("far must not be smaller than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
         lags = np.geomspace(near, far, max(4000, 100 * len(self)))
         lags[0], lags[-1] = near, far
         error = np.abs(self._relative_error(lags))
@@ -205,9 +206,9 @@ class ExponentialSum:
         near, far = _validate.positive("near", near, "seconds"), _validate.positive("far", far, "seconds")
         rtol = _validate.positive("rtol", rtol)
         if far <= near:
-            raise ValueError(f"far must be greater than near = {near:g} (seconds), got {far:g}")
+            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
         if rtol >= 1.0:
-            raise ValueError(f"rtol must be below 1, got {rtol:g}")
+            raise ValueError(f"rtol must be below 1, got {_validate.apart(rtol, 1.0)[0]}")
         if isinstance(kernel, MeiAdrianKernel) and kernel.steepness > 0.0:
             stretch, table = kernel.steepness ** (2.0 / 3.0), _finite_reynolds_table(kernel.c1)
             covers = (table.near <= stretch * near * _SLACK) & (table.far * _SLACK >= stretch * far)

@@ -82,7 +82,7 @@ class VaryingSlipKernel:
             raise TypeError(f"slip_range must be a pair (low, high) in m/s, got {_validate.shown(self.slip_range)}") from None
         low, high = _validate.positive("slip_range[0]", low, "m/s"), _validate.positive("slip_range[1]", high, "m/s")
         if high <= low:
-            raise ValueError(f"slip_range must rise, got ({low:g}, {high:g}) m/s")
+            raise ValueError("slip_range must rise, got ({}, {}) m/s".format(*_validate.apart(low, high)))
         object.__setattr__(self, "slip_range", (low, high))
         _validate.choice("slip_at", self.slip_at, ("t", "tau"))
         for slip in (low, high):

@@ -33,6 +33,7 @@ def gauss_legendre(points: int) -> tuple[Floats, Floats]:
 
 def checked_lags(s: ArrayLike) -> Floats:
     """`s` as float64 lags of 0 or greater; TypeError for what holds no real numbers, ValueError for negative ones and NaN."""
+    s = _validate.whole("s", s)
     try:
         lags = np.asarray(s)
         if lags.dtype.kind not in "fiu":
@@ -173,7 +174,7 @@ class Kernel(abc.ABC):
         """
         near, far = _validate.non_negative("near", near, "seconds"), _validate.positive("far", far, "seconds")
         if far <= near:
-            raise ValueError(f"far must be greater than near = {near:g} (seconds), got {far:g}")
+            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
         degree = _validate.integer("degree", degree, 0, 15)
         nodes, weights = self.rule(near, far)
         return np.asarray(weights @ nodes[:, None] ** np.arange(degree + 1))
@@ -279,7 +280,7 @@ class MeiAdrianKernel(Kernel):
         set_field(self, "c1", _validate.positive("c1", self.c1))
         set_field(self, "c2", _validate.non_negative("c2", self.c2))
         if self.c1 < 0.5:
-            raise ValueError(f"c1 must be 0.5 or greater (2 or 2.5 in the literature), got {self.c1:g}")
+            raise ValueError(f"c1 must be 0.5 or greater (2 or 2.5 in the literature), got {_validate.apart(self.c1, 0.5)[0]}")
         if not math.isfinite(self.steepness):
             raise ValueError(
                 f"slip, diameter and viscosity must give a finite kernel coefficient C, got C = {self.steepness} "

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import re
+import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -12,6 +16,32 @@ from basset.kernels import Floats
 
 SUFFIXES = (".csv", ".npy", ".nc")
 UNIFORM = 1e-4  # of a step by which times may be off, as they are rounded in files
+COARSE = 1e-2  # of a step: times whose kind of number rounds them more are not known to be uniform
+UNITS = {  # seconds; as UDUNITS and cftime spell them
+    name: seconds
+    for seconds, names in (
+        (1e-9, "ns nsec nanosec nanosecond nanoseconds"),
+        (1e-6, "us µs μs usec microsec microsecs microsecond microseconds"),
+        (1e-3, "ms msec msecs millisec millisecs millisecond milliseconds"),
+        (1.0, "s sec secs second seconds"),
+        (60.0, "min mins minute minutes"),
+        (3600.0, "h hr hrs hour hours"),
+        (86400.0, "d day days"),
+        (604800.0, "week weeks"),
+    )
+    for name in names.split()
+}
+KNOWN = "nanoseconds, microseconds, milliseconds, seconds, minutes, hours, days or weeks"
+NAME = re.compile(r"(?:t|time|times)(?:\s*(?:[\[(]\s*(?P<bracket>[^\])]*?)\s*[\])]|[/,]\s*(?P<slash>\S+)|[\s_](?P<word>\S+)))?", re.IGNORECASE)
+SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}  # in this order: commas may be in numbers
+UNWRITTEN = {"f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "i4": -2147483647}  # netCDF's own fill values
+
+
+class Times(NamedTuple):
+    """Times after the first in seconds (n+1,), and how far rounding may put one off a line through the first and the last."""
+
+    values: Floats
+    rounding: float
 
 
 def read(path: Path, dt: float | None = None, variable: str | None = None) -> tuple[Floats, float]:
@@ -20,10 +50,14 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     Parameters
     ----------
     path : Path
-        .csv with or without a line of names, .npy (n+1, …), .nc.
+        .csv with or without a line of names; separated by commas, semicolons, tabs, bars or spaces, the last four also with
+        decimal commas; lines that begin with # are comments. .npy (n+1, …). .nc (netCDF-3).
     dt : float, seconds, or None
-        The step; None: from the times, which are the first column of .csv and .npy, and the coordinate of the first
-        dimension in .nc.
+        The step; None: from the times. In .csv these are the column named t or time, if need be with a unit as in "time (ms)"
+        or "t_ms"; without names, and in .npy, the first column, in seconds. In .nc the coordinate with the attribute
+        axis "T" or standard_name "time", units "… since …", the name t or time, or units of time, in its unit (without one:
+        seconds); its dimension may stand anywhere.
+        What is known as times is no sample, nor is the index that pandas writes.
     variable : str or None
         Which variable of .nc; None: the only one.
 
@@ -36,97 +70,334 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     OSError
         If the file cannot be read.
     ValueError, TypeError
-        In one sentence, if it holds no such samples or the times are not uniform, or dt is no positive number.
+        In one sentence, if it holds no such samples, some are missing, it is not known which are the times or what their unit
+        is, they are not uniform, or dt is no positive number.
 
     Examples
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "rates.csv"
-    ...     _ = path.write_text("t,g\n0.0,1.0\n0.5,2.0\n1.0,4.0\n")
+    ...     _ = path.write_text("t (ms);g\n0,0;1,0\n0,5;2,0\n1,0;4,0\n")
     ...     samples, dt = read(path)
-    >>> samples.ravel(), dt
-    (array([1., 2., 4.]), 0.5)
+    >>> samples.ravel(), round(dt, 12)
+    (array([1., 2., 4.]), 0.0005)
     """
-    if path.suffix not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         raise ValueError(f"the file must end in {', '.join(SUFFIXES)}, got {str(path)!r}")
-    if variable is not None and path.suffix != ".nc":
+    if variable is not None and suffix != ".nc":
         raise ValueError(f"a variable is named for .nc files only, got {variable!r} for {str(path)!r}")
-    times, values = _from_netcdf(path, variable, dt is None) if path.suffix == ".nc" else (None, _from_csv(path) if path.suffix == ".csv" else _from_npy(path))
-    if dt is None and times is None:
-        if values.shape[1] < 2:
-            raise ValueError(f"{str(path)!r} must hold times (seconds) in its first column, or the step be given: it has one column")
-        times, values = values[:, 0], values[:, 1:]
+    if suffix == ".nc":
+        times, values = _from_netcdf(path, variable, dt is None)
+    else:
+        times, values = (_from_csv if suffix == ".csv" else _from_npy)(path, dt is None)
     if len(values) < 2:
         raise ValueError(f"{str(path)!r} must hold at least two samples, got {len(values)}")
-    for name, array in (("times", times), ("samples", values)):
+    for name, array in (("samples", values), ("times", times.values if times else None)):
         if array is not None and not np.isfinite(array).all():
-            raise ValueError(f"{str(path)!r} must hold finite {name}, got {array[~np.isfinite(array)][0]}")
+            first = np.argwhere(~np.isfinite(array))[0]
+            hint = f": {_validate.FILL}" if np.isnan(array[tuple(first)]) else ""
+            raise ValueError(f"{str(path)!r} must hold finite {name}, got {array[tuple(first)]} in row {first[0]} of the data{hint}")
     if dt is not None:
         return values, _validate.positive("dt", dt, "seconds")
     assert times is not None
-    step = float((times[-1] - times[0]) / (len(times) - 1))
-    off = np.abs(times - (times[0] + step * np.arange(len(times))))
-    if not step > 0.0 or off.max() > UNIFORM * step:
-        raise ValueError(f"{str(path)!r} must have uniform, rising times, got {times[int(off.argmax())]:.6g} s as time {int(off.argmax())}")
+    step, off = _evenness(times.values)
+    if not step > 0.0 or off.max() > UNIFORM * step + min(times.rounding, COARSE * step):
+        worst = int(off.argmax())
+        coarse = f"; they are rounded by {times.rounding:.2g} s, too much for a step of {step:.2g} s" if times.rounding > COARSE * step > 0.0 else ""
+        raise ValueError(f"{str(path)!r} must have uniform, rising times, got {times.values[worst]:.6g} s after the first as time {worst}{coarse}")
     return values, step
 
 
-def _columns(path: Path, values: Any) -> Floats:
+def _evenness(times: Floats) -> tuple[float, Floats]:
+    """The mean step, and by how much each time is off a uniform one."""
+    step = float((times[-1] - times[0]) / (len(times) - 1))
+    return step, np.abs(times - (times[0] + step * np.arange(len(times))))
+
+
+def _rises_evenly(column: Floats) -> bool:
+    """Whether a column looks like times or a count of rows."""
+    if len(column) < 3 or not np.isfinite(column).all():
+        return False
+    step, off = _evenness(column)
+    return step > 0.0 and bool(off.max() <= UNIFORM * step)
+
+
+def _times(path: Path, values: Floats, unit: float = 1.0, dtype: Any = None) -> Times:
+    """Times as stored, in seconds after the first: a date far back costs no digits."""
+    kind = np.dtype(dtype or values.dtype)
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    rounding = float(np.spacing(kind.type(largest))) * unit if kind.kind == "f" else 0.0
+    return Times((values - values[:1]) * unit, rounding)
+
+
+def _unit(path: Path, name: str, units: str | None) -> float:
+    """Seconds in the unit of the times `name`: of its attribute ("ms", "days since 1970-01-01"), or of its name ("time (ms)"); 1 without any."""
+    if units is None:
+        named = NAME.fullmatch(name.strip())
+        units = next((found for found in named.groups() if found), None) if named else None
+    if units is None or not units.strip():
+        return 1.0
+    seconds = _seconds(re.split(r"\s+since\s", units.strip(), flags=re.IGNORECASE)[0])
+    if seconds is None:
+        raise ValueError(f"{str(path)!r} must have times in {KNOWN}, or the step be given, got the unit {units!r} for {name!r}")
+    return seconds
+
+
+def _seconds(word: str) -> float | None:
+    """Seconds in a unit; None for what is none of time. Only whole words may be capital: Ms are megaseconds."""
+    return UNITS.get(word.lower() if len(word) > 3 else word)
+
+
+def _is_time(name: str) -> bool:
+    """Whether a name says that times stand under it: t, time, time (ms), t_s; not t_star."""
+    found = NAME.fullmatch(name.strip())
+    return found is not None and (found["word"] is None or _seconds(found["word"]) is not None)
+
+
+def _real(path: Path, values: Any) -> Any:
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.ndim == 0:
         raise ValueError(f"{str(path)!r} must hold an array of real numbers, got {_validate.shown(array)}")
-    return array.astype(np.float64).reshape(len(array), -1)
+    return array
 
 
-def _from_csv(path: Path) -> Floats:
+def _first_column(path: Path, values: Floats, timed: bool, dtype: Any = None) -> tuple[Times | None, Floats]:
+    """Times and samples where columns have no names."""
+    columns = values.shape[1]
+    if not timed:
+        _no_times_first(path, values, "")
+        return None, values
+    if columns < 2:
+        raise ValueError(f"{str(path)!r} must hold times (seconds) in its first column, or the step be given: it has one column")
+    if columns > 2 and len(values) > 2 and np.array_equal(values[:, 0] - values[0, 0], np.arange(len(values))) and _rises_evenly(values[:, 1]):
+        raise ValueError(
+            f"{str(path)!r} must have its times first, got two columns that rise evenly, the first of which counts rows: leave it out or name the columns (.csv)"
+        )
+    return _times(path, values[:, 0], dtype=dtype), values[:, 1:]
+
+
+def _no_times_first(path: Path, values: Floats, name: str) -> None:
+    if values.shape[1] > 1 and _rises_evenly(values[:, 0]):
+        named = f" {name!r}" if name else ""
+        raise ValueError(
+            f"{str(path)!r} must hold samples alone where the step is given, got a first column{named} that rises evenly, as times do: "
+            "name it t if it holds times (.csv) or leave it out, else put another column first"
+        )
+
+
+# CSV
+
+
+def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
+    head, values = _table(path)
+    if head is None:
+        return _first_column(path, values, timed)
+    index = next((k for k, name in enumerate(head) if not _is_index(name, values[:, k])), len(head))  # columns before it are pandas'
+    found = [k for k, name in enumerate(head) if _is_time(name)]
+    if timed and len(found) != 1:
+        names = [head[k] for k in found] or head
+        raise ValueError(f"{str(path)!r} must have one column named t or time, or the step be given, got the columns {_validate.shown(names)}")
+    kept = [k for k in range(len(head)) if k >= index and k not in found]
+    if not kept:
+        raise ValueError(f"{str(path)!r} must hold samples beside times, got the columns {_validate.shown(head)}")
+    if not found:
+        _no_times_first(path, values[:, kept], head[kept[0]])
+    return _times(path, values[:, found[0]], _unit(path, head[found[0]], None)) if timed else None, values[:, kept]
+
+
+def _is_index(name: str, column: Floats) -> bool:
+    """Whether pandas wrote that column beside the data: without a name, "Unnamed: 0" when read and written again, or "index"."""
+    counts = bool((column == np.rint(column)).all() and (np.diff(column) > 0.0).all())
+    return not name.strip() or name.startswith("Unnamed:") or (name.strip() == "index" and counts)
+
+
+def _table(path: Path) -> tuple[list[str] | None, Floats]:
+    """(names or None, numbers) of a text file."""
     try:
-        rows = [line.split(",") for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError(f"{str(path)!r} must be a text file with commas, got one that is not UTF-8") from None
-    first = 0
-    if rows and not all(_is_number(cell) for cell in rows[0]):
-        first = 1
-    if len(rows) == first:
+    numbered = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+    lines = [(number, line) for number, line in numbered if not line.lstrip().startswith("#")]
+    if not lines:
         raise ValueError(f"{str(path)!r} must hold samples, got none")
-    for number, row in enumerate(rows[first:], first + 1):
-        if len(row) != len(rows[first]) or not all(_is_number(cell) for cell in row):
-            raise ValueError(f"{str(path)!r} must have {len(rows[first])} numbers in every row, got {_validate.shown(','.join(row))} in row {number}")
-    return np.array([[float(cell) for cell in row] for row in rows[first:]])
+    separator = _separator([line for _, line in lines[:2]])
+    head = None
+    first = _split(path, lines[0], separator)
+    if any(_number(cell, separator) is None for cell in first):
+        head, lines = first, lines[1:]
+    if not lines:
+        raise ValueError(f"{str(path)!r} must hold samples, got none")
+    commas = separator != "," and any("," in line for _, line in lines)
+    rows: list[list[float]] = []
+    for line in lines:
+        cells = _split(path, line, separator)
+        row = [number for cell in cells if (number := _number(cell, separator)) is not None]
+        width = len(rows[0]) if rows else len(cells)
+        if len(row) != width or len(cells) != width or (commas and "." in line[1]):
+            by = SEPARATORS[separator] if width > 1 else ", ".join(SEPARATORS.values())
+            form = f"{width} number{'s' * (width > 1)} in every row, separated by {by}" + " and with one decimal sign" * commas
+            raise ValueError(f"{str(path)!r} must have {form}, got {_validate.shown(line[1].strip())} in row {line[0]}")
+        rows.append(row)
+    if head is None:  # numpy.savetxt writes names as a comment
+        comments = [line.lstrip()[1:].strip() for number, line in numbered if number < lines[0][0]]
+        named = _split(path, (0, comments[-1]), separator) if comments else []
+        head = named if len(named) == len(rows[0]) and any(map(_is_time, named)) else None
+    elif len(head) == len(rows[0]) - 1:  # R names no column of row names
+        head = ["", *head]
+    elif len(head) != len(rows[0]):
+        raise ValueError(f"{str(path)!r} must have a name for every column, got {len(head)} names for {len(rows[0])} columns")
+    return head, np.array(rows)
 
 
-def _is_number(cell: str) -> bool:
+def _separator(lines: list[str]) -> str:
+    """What separates numbers: that by which the second line falls into numbers, as the first may hold names."""
+    probe = lines[-1].strip(" \r")
+    for separator in SEPARATORS:
+        cells = next(csv.reader([probe], delimiter=separator, skipinitialspace=True), [])
+        if len(cells) > 1 and all(_number(cell, separator) is not None for cell in cells):
+            return separator
+    alone = _number(probe.strip('"'), ",") is not None
+    return "," if alone else next((separator for separator in SEPARATORS if separator in probe), ",")
+
+
+def _split(path: Path, line: tuple[int, str], separator: str) -> list[str]:
+    number, text = line
+    if '"' not in text and separator != " ":
+        return text.split(separator)
     try:
-        float(cell)
+        return next(csv.reader([text.strip(" \r")], delimiter=separator, skipinitialspace=True, strict=True))
+    except (csv.Error, StopIteration) as error:
+        raise ValueError(f"{str(path)!r} must be a table, got {_validate.shown(text)} in row {number}: {error}") from None
+
+
+def _number(cell: str, separator: str) -> float | None:
+    """A cell as a number; where commas do not separate they may be decimal."""
+    try:
+        return float(cell if separator == "," else cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
-        return False
-    return True
+        return None
 
 
-def _from_npy(path: Path) -> Floats:
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError):
-        raise ValueError(f"{str(path)!r} must be an array that numpy.save wrote") from None
-    return _columns(path, values)
+# npy
 
 
-def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Floats | None, Floats]:
+def _from_npy(path: Path, timed: bool) -> tuple[Times | None, Floats]:
+    with path.open("rb") as file:
+        try:
+            array = np.load(file, allow_pickle=False)
+        except (ValueError, EOFError, BadZipFile):
+            raise ValueError(f"{str(path)!r} must be an array that numpy.save wrote") from None
+        if not isinstance(array, np.ndarray):
+            raise ValueError(f"{str(path)!r} must be an array that numpy.save wrote, got several arrays")
+    array = _real(path, array)
+    if timed and array.ndim > 2:
+        raise ValueError(f"{str(path)!r} must have at most two axes where its first column is the times, or the step be given, got shape {array.shape}")
+    return _first_column(path, array.astype(np.float64).reshape(len(array), -1), timed, array.dtype)
+
+
+# netCDF
+
+
+def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times | None, Floats]:
     import xarray
 
-    path.open("rb").close()  # xarray's own words for a file that is not there are long
+    with path.open("rb") as file:  # xarray's own words for a file that is not there are long
+        start = file.read(4)
+    if start == b"\x89HDF":
+        raise ValueError(f"{str(path)!r} must be a netCDF-3 file, got netCDF-4 (HDF5): convert it with nccopy -k classic")
     try:
-        opened = xarray.load_dataset(path, engine="scipy", decode_times=False)
-    except (TypeError, ValueError, OSError):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what its attributes name may be missing
+            opened = xarray.load_dataset(path, engine="scipy", decode_times=False, decode_timedelta=False, decode_coords="all")
+    except Exception:  # whatever a damaged file leads to
         raise ValueError(f"{str(path)!r} must be a netCDF-3 file") from None
+    opened = opened.set_coords([name for name in opened.data_vars if name != variable and _rank(opened, name) < UNIT_ONLY])
     names = list(map(str, opened.data_vars))
     if variable is None and len(names) != 1:
         raise ValueError(f"a variable of {str(path)!r} must be named: {', '.join(map(repr, names))}")
-    name = _validate.choice("variable", variable or names[0], names)
-    found = opened[name]
-    values = _columns(path, found.values)
-    if not timed:
-        return None, values
-    if found.dims[0] not in opened.coords:
-        raise ValueError(f"{str(path)!r} must have a coordinate {str(found.dims[0])!r} (times in seconds), or the step be given")
-    return np.asarray(opened[found.dims[0]].values, dtype=np.float64), values
+    found = opened[_validate.choice("variable", variable or names[0], names)]
+    _real(path, found.values)
+    time = _time_of(path, found, timed)
+    known = [dim for dim in found.dims if _is_time(str(dim))]
+    if time is None:
+        if len(known) != 1 and found.ndim > 1:
+            raise ValueError(f"{str(path)!r} must name its dimension of time t or time, got {found.name!r} with the dimensions {_listed(found.dims)}")
+        dim, times = known[0] if known else found.dims[0], None
+    else:
+        dim, values = (time.dims[0], np.empty(0)) if time.ndim == 1 and not timed else _along(path, time)
+        if known and dim not in known:
+            raise ValueError(f"{str(path)!r} must have one dimension of time, got {str(known[0])!r} and, by {str(time.name)!r}, {str(dim)!r}")
+        units = time.attrs.get("units")
+        times = _times(path, values, _unit(path, str(time.name), None if units is None else str(units)), _stored(time)) if timed else None
+    values = np.moveaxis(_present(path, found), found.dims.index(dim), 0).astype(np.float64)
+    return times, values.reshape(len(values), -1)
+
+
+UNIT_ONLY = 3  # the weakest sign of time
+
+
+def _rank(opened: Any, name: Any) -> float:
+    """How surely a variable holds times: 0 by its attributes, 1 by a date, 2 by its name, 3 by its unit; inf: it does not."""
+    attributes = {key: str(value).strip() for key, value in opened[name].attrs.items()}
+    if attributes.get("axis") == "T" or attributes.get("standard_name") == "time" or attributes.get("_CoordinateAxisType") == "Time":
+        return 0
+    if re.search(r"\ssince\s", attributes.get("units", "")):
+        return 1
+    units = attributes.get("units", "")
+    timely = _seconds(units) is not None
+    named = _is_time(str(name)) and (len(str(name)) > 1 or not units or timely)  # t may be a temperature
+    return 2 if named else UNIT_ONLY if timely else np.inf
+
+
+def _time_of(path: Path, found: Any, timed: bool) -> Any:
+    """The coordinate that holds the times of `found`, or None."""
+    ranks = {name: _rank(found.coords, name) for name in found.coords if found.coords[name].ndim}
+    best = min(ranks.values(), default=np.inf)
+    names = [name for name, rank in ranks.items() if rank == best < np.inf]
+    if timed and not names:
+        raise ValueError(
+            f"{str(path)!r} must have a coordinate of time along one of its dimensions {_listed(found.dims)}, known by axis 'T', standard_name "
+            "'time', the name t or time, or its units, or the step be given"
+        )
+    if len({found.coords[name].dims for name in names}) == 1:  # several along one dimension: that of its name is its own
+        own = [name for name in names if name in found.dims]
+        names = own or (names if timed else names[:1])
+    if len(names) > 1:
+        raise ValueError(f"{str(path)!r} must have one coordinate of time, got {_listed(names)}: give one of them the attribute axis 'T'")
+    return found.coords[names[0]] if names else None
+
+
+def _along(path: Path, time: Any) -> tuple[Any, Floats]:
+    """(dimension, times as stored): of each row the same where there are several, as in (trajectory, obs)."""
+    values = _present(path, time).astype(np.float64)
+    for axis, dim in enumerate(time.dims):
+        rows = np.moveaxis(values, axis, -1).reshape(-1, values.shape[axis])
+        if (rows == rows[:1]).all() and (values.ndim == 1 or values.shape[axis] > 1):
+            return dim, rows[0]
+    raise ValueError(f"{str(path)!r} must have the same times in every row of {time.name!r} {_listed(time.dims)}: take one of them")
+
+
+def _present(path: Path, found: Any) -> Any:
+    """The values of a variable; refused where some were not written."""
+    values = _real(path, found.values)
+    missing = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
+    if not {"_FillValue", "missing_value"} & set(found.encoding):
+        stored = np.dtype(_stored(found))
+        missing |= values == stored.type(UNWRITTEN.get(stored.str[1:], np.inf)) if stored.str[1:] in UNWRITTEN else False
+    if missing.any():
+        raise ValueError(
+            f"{str(path)!r} must have no missing values in {found.name!r}, got {missing.sum()} of {missing.size}, the first in row "
+            f"{np.argwhere(missing)[0][0]}: {_validate.FILL}"
+        )
+    return values
+
+
+def _stored(found: Any) -> Any:
+    return found.encoding.get("dtype") or found.dtype
+
+
+def _listed(names: Any) -> str:
+    return ", ".join(repr(str(name)) for name in names)

@@ -467,6 +467,7 @@ class Plan:
             one step before the first sample, or exceeds dt where g is given.
         """
         self._own(state)
+        delta = _validate.whole("delta", delta)
         delta = self._sample("delta", np.broadcast_to(np.asarray(delta), state.history.shape) if np.ndim(delta) == 0 else delta, state)
         age = _validate.non_negative("age", age, "seconds")
         node = int(state.counters[1])
@@ -475,11 +476,12 @@ class Plan:
         if g is not None:
             g = self._sample("g", g, state)
             if age > self.dt * (1.0 + 1e-12):
-                raise ValueError(f"age must not exceed the step dt = {self.dt:g} seconds where g is given, got {age:g}")
+                raise ValueError("age must not exceed the step dt = {} seconds where g is given, got {}".format(*_validate.apart(self.dt, age)))
         lag = age / self.dt
         oldest = self._oldest_jump(node)
         if lag > oldest * (1.0 + 1e-12):
-            raise ValueError(f"age must be at most {oldest * self.dt:g} seconds here: the memory begins one step before the first sample, got {age:g}")
+            most, came = _validate.apart(oldest * self.dt, age)
+            raise ValueError(f"age must be at most {most} seconds here: the memory begins one step before the first sample, got {came}")
         if g is not None and isinstance(self._base, Daitche):
             self._end_stretch(state, min(lag, 1.0), g.ravel())
         elif g is not None and lag == 0.0:

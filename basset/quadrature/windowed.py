@@ -15,7 +15,7 @@ from basset.quadrature.product import Daitche
 def whole_steps(window: float, dt: float) -> int:
     """`window` in whole steps; ValueError when it is shorter than one step."""
     if window < dt * (1.0 - 1e-9):
-        raise ValueError(f"window must be at least one step of dt = {dt:g} seconds, got {window:g}")
+        raise ValueError("window must be at least one step of dt = {} seconds, got {}".format(*_validate.apart(dt, window)))
     return max(round(min(window / dt, 1e18)), 1)
 
 
@@ -24,9 +24,9 @@ def checked_tail(tail: ExponentialSum, start: float, horizon: float, kernel: Ker
     if tail.kernel != kernel:
         raise ValueError(f"tail must be a sum for the kernel {kernel!r}, got one for {tail.kernel!r}")
     if tail.near > start * (1.0 + 1e-9):
-        raise ValueError(f"tail must begin at the window's end, {start:g} seconds, or before, got near = {tail.near:g}")
+        raise ValueError("tail must begin at the window's end, {} seconds, or before, got near = {}".format(*_validate.apart(start, tail.near)))
     if tail.far < horizon * (1.0 - 1e-9):
-        raise ValueError(f"tail must reach the horizon, {horizon:g} seconds, got far = {tail.far:g}")
+        raise ValueError("tail must reach the horizon, {} seconds, got far = {}".format(*_validate.apart(horizon, tail.far)))
     return tail
 
 

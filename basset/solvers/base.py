@@ -96,9 +96,10 @@ class Path:
         """
         times = _converted("t", t)
         flat = times.ravel()
-        slack = 1e-12 * (self.t_max - self.t_min)
+        slack = rounding(self.t_min, self.t_max)
         if flat.size and not (flat.min() >= self.t_min - slack and flat.max() <= self.t_max + slack):
-            raise ValueError(f"t must lie in the solved span [{self.t_min:g}, {self.t_max:g}], got {_validate.shown(t)}")
+            low, high, came = outside(flat, self.t_min, self.t_max)
+            raise ValueError(f"t must lie in the solved span [{low}, {high}], got {came}")
         result = np.empty((flat.size, len(self._final)))
         index = np.clip(np.searchsorted(self._starts, flat, side="right") - 1, 0, len(self._pieces) - 1)
         for k in np.unique(index):
@@ -106,6 +107,19 @@ class Path:
             result[chosen] = self._pieces[k].at(flat[chosen])
         result[flat >= self.t_max] = self._final
         return result.T.reshape((len(self._final), *times.shape))
+
+
+def rounding(start: float, end: float) -> float:
+    """How far beyond a span a time may lie that was meant to be its end: np.arange and np.linspace round."""
+    return max(1e-12 * (end - start), 4.0 * float(np.spacing(max(abs(start), abs(end)))))
+
+
+def outside(times: Floats, start: float, end: float) -> tuple[str, str, str]:
+    """The ends of a span and the time farthest beyond them, for a sentence."""
+    worst = float(times[int(np.argmax(np.maximum(start - times, times - end)))])
+    low, below = _validate.apart(start, worst)
+    high, above = _validate.apart(end, worst)
+    return low, high, below if worst < start else above
 
 
 @dataclass
@@ -467,7 +481,7 @@ def _task(
         raise TypeError(f"t_span must be a pair (start, end) in seconds, got {_validate.shown(t_span)}") from None
     start, end = _validate.number("t_span[0]", start), _validate.number("t_span[1]", end)
     if end <= start:
-        raise ValueError(f"t_span must rise, got ({start:g}, {end:g})")
+        raise ValueError("t_span must rise, got ({}, {})".format(*_validate.apart(start, end)))
     state = np.atleast_1d(_converted("y0", y0)).astype(np.float64)
     if state.ndim != 1 or not len(state):
         raise ValueError(f"y0 must be one-dimensional with at least one state, got shape {np.shape(y0)}")
@@ -517,6 +531,10 @@ def _wanted(t_eval: ArrayLike | None, task: Task) -> Floats | None:
         return None
     times = _converted("t_eval", t_eval)
     rising = times.ndim == 1 and bool(np.isfinite(times).all()) and not (np.diff(times) < 0.0).any()
-    if not rising or (len(times) and not (times[0] >= task.start and times[-1] <= task.end)):
+    if not rising:
         raise ValueError(f"t_eval must be rising times within t_span ({task.start:g}, {task.end:g}), got {_validate.shown(t_eval)}")
-    return times
+    slack = rounding(task.start, task.end)
+    if len(times) and not (times[0] >= task.start - slack and times[-1] <= task.end + slack):
+        low, high, came = outside(times, task.start, task.end)
+        raise ValueError(f"t_eval must be rising times within t_span ({low}, {high}), got {came}")
+    return np.clip(times, task.start, task.end)

@@ -69,7 +69,7 @@ class Collocation(Method):
     def __post_init__(self) -> None:
         rtol = _validate.positive("rtol", self.rtol)
         if not 1e-12 <= rtol <= 0.1:
-            raise ValueError(f"rtol must be from 1e-12 to 0.1, got {rtol:g}")
+            raise ValueError(f"rtol must be from 1e-12 to 0.1, got {_validate.apart(rtol, 0.1 if rtol > 0.1 else 1e-12)[0]}")
         object.__setattr__(self, "rtol", rtol)
         object.__setattr__(self, "atol", 1e-3 * rtol if self.atol is None else _validate.non_negative("atol", self.atol))
         if self.stages is not None:

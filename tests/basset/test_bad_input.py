@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray
 from rule_cases import ANY, KERNELS
 
 import basset
@@ -311,3 +313,128 @@ def test_refusing_leaves_everything_as_it_was(function, name):
             function(bad, 0.1, rule)
     assert np.array_equal(function(g, 0.1, rule), before)
     assert np.array_equal(g, kept)
+
+
+MASKED = np.ma.masked_array([1.0, 2.0, 4.0, 8.0, 1.0], mask=[False, False, True, False, True])
+MISSING = {
+    "vector": (MASKED, "2 of 5 masked, the first in row 2"),
+    "integers": (np.ma.masked_equal([1, 2, 3, 0, 5], 0), "1 of 5 masked, the first in row 3"),
+    "a column": (np.ma.masked_greater(np.arange(10.0).reshape(5, 2), 8.5), "1 of 10 masked, the first in row 4"),
+    "wholly masked": (np.ma.masked_all(5), "5 of 5 masked, the first in row 0"),
+    "a list of rows": ([np.ma.masked_array([1.0, 2.0], mask=[row == 3, False]) for row in range(5)], "1 of 2 masked"),
+    "a list with the constant": ([1.0, 2.0, np.ma.masked, 4.0, 5.0], "a masked one"),
+    "nested lists": ([[1.0, 2.0], [3.0, np.ma.masked], [5.0, 6.0]], "a masked one"),
+    "objects": (np.array([1.0, np.ma.masked, 3.0], dtype=object), "a masked one"),
+    "pandas with NA": (pd.DataFrame({"u": pd.array([1.0, None, 3.0], dtype="Float64"), "v": [1, 2, 3]}), "<NA>"),
+}
+
+
+@both
+@pytest.mark.parametrize("name", MISSING)
+def test_missing_samples_are_refused_and_what_to_do_is_said(function, name):
+    g, which = MISSING[name]
+    refused(ValueError, rf"g must have no missing values, got .*{which}.*: fill the gaps.* or take a stretch", function, g, 0.1, RULE)
+
+
+@both
+@pytest.mark.parametrize(
+    "g",
+    [
+        pd.Series([1.0, NAN, 2.0, 3.0]),
+        pd.Series([1.0, None, 2.0, 3.0], dtype="Float64"),
+        xarray.DataArray([1.0, NAN, 2.0, 3.0], dims="t"),
+        pd.DataFrame({"u": [1.0, NAN, 2.0], "v": 1.0}),
+    ],
+    ids=["series", "nullable series", "data array", "data frame"],
+)
+def test_labelled_samples_with_nan_are_refused(function, g):
+    refused(ValueError, r"g must be finite, got nan in sample 1 \(and 0 other samples\): fill the gaps", function, g, 0.1, RULE)
+
+
+@both
+def test_a_mask_that_hides_nothing_is_none(function):
+    g = np.cos(np.arange(9.0))
+    expected = function(g, 0.1, RULE)
+    for given in (np.ma.masked_array(g), np.ma.masked_array(g, mask=np.zeros(9, bool)), list(np.ma.masked_array(g)), pd.Series(g, dtype="Float64")):
+        np.testing.assert_array_equal(function(given, 0.1, RULE), expected)
+
+
+MASKED_NUMBER = np.ma.masked_array(3.0, mask=True)
+
+
+def test_no_door_takes_what_lies_under_a_mask():
+    """Else the history of one masked entry would be that of the number below it."""
+    plan = RULE.plan(0.1, 10.0)
+    state, pair = plan.start(), plan.start(2)
+    plan.push(state, 1.0)
+    plan.push(pair, [1.0, 1.0])
+    kernel = basset.BassetKernel()
+    doors = {
+        "initial_slip": lambda: basset.integrate(np.ones((5, 2)), 0.1, RULE, initial_slip=np.ma.masked_array([1.0, 2.0], mask=[True, False])),
+        "dt": lambda: basset.integrate(G, np.ma.masked, RULE),
+        "G": lambda: plan.run(state, MASKED),
+        "g": lambda: plan.push(state, np.ma.masked),
+        "delta": lambda: plan.jump(state, np.ma.masked),
+        "delta of two": lambda: plan.jump(pair, np.ma.masked_array([1.0, 2.0], mask=[False, True])),
+        "age": lambda: plan.jump(state, 1.0, age=MASKED_NUMBER),
+        "g after a jump": lambda: plan.jump(state, 1.0, g=MASKED_NUMBER),
+        "n": lambda: RULE.weights(np.ma.masked_array(5, mask=True), 0.1),
+        "dt of weights": lambda: RULE.weights(5, MASKED_NUMBER),
+        "horizon": lambda: RULE.plan(0.1, np.ma.masked),
+        "s": lambda: kernel(MASKED),
+        "weights": lambda: basset.ExponentialSum(np.ma.masked_less([1.0, 2.0], 1.5), [1.0, 2.0], 0.1, 1.0, kernel),
+        "rates": lambda: basset.ExponentialSum([1.0, 2.0], np.ma.masked_less([1.0, 2.0], 1.5), 0.1, 1.0, kernel),
+        "samples": lambda: basset.advise(1e-3, samples=np.ma.masked_less(np.cos(np.arange(60.0)), -0.9), sample_step=0.1, duration=1.0),
+    }
+    before = plan.value(state), plan.tail(state), plan.tail(pair)
+    for name, door in doors.items():
+        with pytest.raises(ValueError, match=r"must (have no missing values|be a number|be .*), got .*mask.*: fill the gaps") as caught:
+            door()
+        assert str(caught.value).startswith(name.split()[0]), name
+    after = plan.value(state), plan.tail(state), plan.tail(pair)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["y0", "initial_slip", "t_eval", "coefficient"])
+def test_solve_takes_nothing_masked(name):
+    given = {"y0": [1.0, 2.0], "initial_slip": [1.0, 2.0], "t_eval": [0.5, 0.75], "coefficient": [0.5, 0.5]}
+    given[name] = np.ma.masked_array(given[name], mask=[False, True])
+    refused(ValueError, rf"{name} must have no missing values, got 1 of 2 masked", basset.solve, lambda t, y: -y, (0.0, 1.0), memory=[0, 1], **given)
+
+
+def test_a_time_that_is_the_end_but_for_rounding_is_the_end():
+    """np.arange(0, 1.1, 0.1) style: beyond the end by an ulp; three ulps at an offset of 1e6."""
+    for start, end in ((0.0, 0.3), (1e6, 1e6 + 1.0), (-7.0, -0.7)):
+        late = end + 2 * np.spacing(abs(end))
+        early = start - np.spacing(abs(start))
+        r = basset.solve(lambda t, y: -y, (start, end), [1.0], coefficient=0.5, t_eval=[early, 0.5 * (start + end), late], dense_output=True)
+        exact = basset.solve(lambda t, y: -y, (start, end), [1.0], coefficient=0.5, t_eval=[start, 0.5 * (start + end), end])
+        np.testing.assert_array_equal(r.t, exact.t)
+        np.testing.assert_allclose(r.y, exact.y, rtol=1e-12)
+        np.testing.assert_allclose(r.sol(late), exact.y[:, -1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("span", "times", "shown"),
+    [
+        ((0.0, 1.0), [0.5, 1.0 + 1e-9], r"\(0, 1\), got 1\.000000001"),
+        ((0.0, 2.0), [2.00000001], r"\(0, 2\), got 2\.00000001"),
+        ((1e-9, 1.0), [0.0, 0.5], r"\(1e-09, 1\), got 0"),
+        ((0.1, 0.3), [0.0999999999, 0.2], r"\(0\.1, 0\.3\), got 0\.0999999999"),
+    ],
+)
+def test_what_is_refused_shows_the_digits_that_differ(span, times, shown):
+    refused(ValueError, rf"t_eval must be rising times within t_span {shown}$", basset.solve, lambda t, y: -y, span, [1.0], t_eval=times)
+
+
+def test_two_numbers_of_a_refusal_differ_on_the_page():
+    up = np.nextafter(1.0, 2.0)
+    refused(ValueError, r"t_span must rise, got \(1\.0000000000000002, 1\)", basset.solve, lambda t, y: -y, (up, 1.0), [1.0])
+    refused(ValueError, r"far must be greater than near = 1\.0000000000000002 \(seconds\), got 1$", basset.BassetKernel().moments, up, 1.0, 2)
+    refused(ValueError, r"window must be at least one step of dt = 0\.1 seconds, got 0\.099999999$", basset.Windowed(RULE, 0.099999999).weights, 5, 0.1)
+    plan = RULE.plan(0.1, 1.0)
+    state = plan.start()
+    plan.push(state, 1.0)
+    refused(ValueError, r"age must not exceed the step dt = 0\.1 seconds where g is given, got 0\.1000000001", plan.jump, state, 1.0, age=0.1000000001, g=1.0)
+    refused(ValueError, r"t_span must rise, got \(0\.1, 0\.1\)", basset.solve, lambda t, y: -y, (0.1, 0.1), [1.0])

@@ -205,7 +205,7 @@ BAD = {
     "variable not named": (("compare", "two.nc"), "must be named: 'g', 'other'"),
     "variable unknown": (("compare", "two.nc", "--variable", "othr"), "did you mean 'other'?"),
     "variable of a csv": (("compare", "timed.csv", "--variable", "a"), "named for .nc files only"),
-    "no coordinate": (("compare", "untimed.nc"), "must have a coordinate 't'"),
+    "no coordinate": (("compare", "untimed.nc"), "must have a coordinate of time along one of its dimensions 't', 'x'"),
     "no netcdf": (("compare", "wrong.nc"), "must be a netCDF-3 file"),
     "no npy": (("compare", "wrong.npy"), "must be an array that numpy.save wrote"),
     "words in a csv": (("compare", "words.csv"), "must have 2 numbers in every row"),
