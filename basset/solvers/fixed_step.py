@@ -190,7 +190,7 @@ class _March(abc.ABC):
 
     def __init__(self, task: Task, dt: float, rule: Rule) -> None:
         self.task, self.dt, self.rule = task, dt, rule
-        self.degree = degree_of(rule)
+        self.degree, self.steps = degree_of(rule), max(1, round((task.end - task.start) / dt))
         self.strength = np.zeros(len(task.y0))
         self.strength[task.memory] = task.coefficient
         self.limited = self.held or min(bounds(rule)) < math.inf
@@ -215,7 +215,7 @@ class _March(abc.ABC):
                 shifted = y.copy()
                 shifted[j] += share * max(1.0, abs(y[j]))
                 jacobian[:, j] = (self.rate(t, shifted) - here) / (shifted[j] - y[j])
-            if not np.isfinite(jacobian).all() or stable(self.rule, self.dt, jacobian, self.strength, self.held):
+            if not np.isfinite(jacobian).all() or stable(self.rule, self.dt, self.steps, jacobian, self.strength, self.held):
                 return
         fastest, most = max(0.0, float(-np.linalg.eigvals(jacobian).real.min())), float(self.strength.max())
         longest = longest_step(self.rule, fastest, most, self.held)

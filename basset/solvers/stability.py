@@ -10,17 +10,18 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from basset import _validate
 from basset.kernels import Floats, gauss_legendre
 from basset.quadrature import Daitche, Rule
-from basset.quadrature.base import FullRule, resolve
+from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
 
-ALTERNATING = -0.6048986434216304  # Σ (−1)^j j^(-1/2) from j = 1
-LAGS = 1024  # beyond, weights are j^(-1/2) to 1e-9
+LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then
+HARMLESS = 1e4  # growth over a run: what alternates is at the rounding of a smooth solution in the beginning
 HELD_RATE = 2.785293563405282  # R = 1
 
 
@@ -37,12 +38,12 @@ def degree_of(rule: Rule) -> int:
     return base.order if isinstance(base, Daitche) else 1
 
 
-@lru_cache(maxsize=64)
-def _alternating(rule: FullRule) -> float:
-    """W(−1): what the rule makes of samples that alternate."""
-    weights = rule.weights(2 * LAGS, 1.0)[:LAGS]
-    signs = 1.0 - 2.0 * (np.arange(LAGS) % 2)
-    return float(weights[0] + signs[1:] @ (weights[1:] - np.arange(1.0, LAGS) ** -0.5)) + ALTERNATING
+@lru_cache(maxsize=256)
+def symbols(rule: Rule, share: float = 1.0) -> tuple[float, float]:
+    """(A, W) at ζ = −share: what both sets of weights make of samples that alternate and grow by 1/share from step to step."""
+    plain, history = adams_moulton(degree_of(rule)), rule._remembered.weights(2 * LAGS, 1.0)[:LAGS]
+    partial = np.cumsum(history * (-share) ** np.arange(float(LAGS)))
+    return float(np.polyval(plain[::-1], -share)), float(np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0 @ partial[-5:])
 
 
 def bounds(rule: Rule) -> tuple[float, float]:
@@ -50,12 +51,11 @@ def bounds(rule: Rule) -> tuple[float, float]:
 
     Between them (λ dt)/first + (c√dt)/second < 1 is stable.
     """
-    weights, history = adams_moulton(degree_of(rule)), _alternating(rule._remembered)
-    drag = float(weights @ (1.0 - 2.0 * (np.arange(len(weights)) % 2)))
-    return -2.0 / drag if drag < -1e-12 else math.inf, -1.0 / history if history < -1e-6 else math.inf
+    drag, history = symbols(rule)
+    return -2.0 / drag if drag < -1e-6 else math.inf, -1.0 / history if history < -1e-6 else math.inf
 
 
-def held_factor(product: Floats | float) -> Floats:
+def held_factor(product: Any) -> Floats:
     """R of a Runge–Kutta step at λ·dt."""
     return np.asarray(1.0 - product * (1.0 - product / 2.0 * (1.0 - product / 3.0 * (1.0 - product / 4.0))))
 
@@ -110,13 +110,16 @@ def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool =
     return float(steps[max(0, beyond[0] - 1)] if len(beyond) else steps[-1])
 
 
-def stable(rule: Rule, dt: float, jacobian: Floats, coefficient: Floats, held: bool) -> bool:
-    """Whether a step of the linear system y' = jacobian·y − coefficient·H[y] does not make alternating samples grow, (n, n) and (n,)."""
-    drag, memory = bounds(rule)
-    decay, history = -dt * jacobian, np.diag(math.sqrt(dt) * coefficient / memory)
+def stable(rule: Rule, dt: float, steps: int, jacobian: Floats, coefficient: Floats, held: bool) -> bool:
+    """Whether alternating samples of y' = jacobian·y − coefficient·H[y], (n, n) and (n,), grow less than HARMLESS in so many steps."""
+    share = HARMLESS ** (-1.0 / steps)
+    plain, memory = symbols(rule, share)
+    decay, history = -dt * jacobian, np.diag(math.sqrt(dt) * coefficient * memory)
     whole = np.eye(len(coefficient))
     if not held:
-        return bool(np.linalg.eigvals(whole - decay / drag - history).real.min() > 0.0)
+        return bool(np.linalg.eigvals((1.0 + share) * (whole + history) + plain * decay).real.min() > 0.0)
     own = np.linalg.eigvals(decay)
-    grown = whole - decay @ (whole - decay / 2.0 @ (whole - decay / 3.0 @ (whole - decay / 4.0)))
-    return bool((np.abs(held_factor(own)[own.real > 0.0]) <= 1.0).all() and np.linalg.eigvals(0.5 * (whole + grown) - history).real.min() > 0.0)
+    if (np.abs(held_factor(own)[own.real > 0.0]) * share > 1.0).any():
+        return False
+    kept = whole - decay @ (whole - decay / 2.0 @ (whole - decay / 3.0 @ (whole - decay / 4.0)))
+    return bool(np.linalg.eigvals(whole + share * kept + (1.0 + share) * history).real.min() > 0.0)
