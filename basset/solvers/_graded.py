@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -179,6 +180,7 @@ class Integration:
         limit = min(method.max_step or span, span)
         self.stretches = stretches(task)  # the running one first
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
+        self.beyond: Floats | None = None  # y' behind it
         stretch = self.stretches[0]
         self.problem = _march.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
@@ -198,6 +200,11 @@ class Integration:
         self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
         fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
         self.depth = max(depth, int(any(event.jump is not None for event in task.events) or fading > 1e5))
+        closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
+        while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
+            self.depth += 1
+            if self.depth == len(DEPTHS) or (self.depth > 1 and not has_geometric(task.kernel)):
+                raise SolverError(f"breaks {closest:.2g} s apart are too close for a span of {span:.6g} s and {task.kernel!r}")
         near, floor = DEPTHS[self.depth]
         self.problem = self.problem._replace(floor=floor * span)
         self.tail = self._sum(near * span) if self.remembers else None
@@ -293,6 +300,15 @@ class Integration:
             self._look()
             return True
         self._begin(0.5 * (stretch.end - float(numbers[_march.TIME])))
+        if self.beyond is not None:  # differences across the jump are no derivatives
+            h = float(numbers[_march.STEP])
+            place = self.state.y + 1e-4 * h * self.beyond
+            here, t = self.task.rate(float(numbers[_march.TIME]), place), float(numbers[_march.TIME])
+            for j in range(len(place)):
+                shifted = place.copy()
+                shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
+                self.state.jacobian[:, j] = (self.task.rate(t, shifted) - here) / (shifted[j] - place[j])
+            numbers[_march.KNOWN], self.beyond = 1.0, None
         return True
 
     def _begin(self, most: float) -> None:
@@ -355,6 +371,7 @@ class Integration:
             self.approaching = True
             self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
         else:
+            self.beyond = slope + after - before
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]
         self.problem = problem._replace(end=stretch.end, last=stretch.last)
