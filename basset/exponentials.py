@@ -301,6 +301,23 @@ class ExponentialSum:
         return cls(a * np.sqrt(math.e / (t * window)), 0.5 / (t * window), window, math.inf, BassetKernel())
 
 
+def has_geometric(kernel: Kernel) -> bool:
+    """Whether `geometric` knows the kernel: s^(-1/2) at all lags."""
+    return isinstance(kernel, BassetKernel) or (isinstance(kernel, MeiAdrianKernel) and kernel.steepness == 0.0)
+
+
+def geometric(near: float, far: float, rtol: float, kernel: Kernel) -> ExponentialSum:
+    """s^(-1/2) on any range: the trapezoidal rule of (1/√π) ∫ e^(u/2) exp(−s e^u) du, some twice the terms of a minimax sum.
+
+    Its error is 2√2 e^(−π²/step) of the value, and what lies beyond both ends.
+    """
+    step = math.pi**2 / math.log(6.0 / rtol)
+    low = 2.0 * math.log(0.3 * rtol) - math.log(far)
+    high = math.log(math.log(10.0 / rtol)) - math.log(near)
+    u = low + step * np.arange(math.ceil((high - low) / step) + 1)
+    return ExponentialSum(step / math.sqrt(math.pi) * np.exp(0.5 * u), np.exp(u), near, far, kernel, rtol)
+
+
 @dataclass(frozen=True)
 class _Table:
     """Minimax sums: one row each; log rates and weights of row i in [offset[i], offset[i+1])."""

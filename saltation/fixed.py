@@ -17,7 +17,7 @@ from basset._stream import peek, run
 from basset.kernels import Floats
 from basset.quadrature import Daitche
 from basset.solvers import _march
-from basset.solvers.fixed_step import adams_moulton
+from basset.solvers.stability import adams_moulton
 from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.roughness import facing

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from basset._compile import is_compiled, rate_function
-from basset.exponentials import ExponentialSum
+from basset.exponentials import ExponentialSum, geometric, has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.solvers import _march
-from basset.solvers.base import Piece, SolverError, Task, Trace, fire, first_crossing, speed
+from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, speed, stretches
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -140,10 +142,36 @@ def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, sing
     return past, decay, gained.T, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
 
 
-class Integration:
-    """One integration: the tables and events around the inner loop."""
+# the shortest lag of the sum and the shortest step, in time spans: as a rule; after jumps; where something relaxes even faster
+DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
-    def __init__(self, method: Collocation, task: Task, trace: Trace) -> None:
+
+class TooFast(Exception):
+    """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
+
+
+@dataclass(frozen=True)
+class Approach(Stretch):
+    """Up to nine tenths of the way to a jump of fun."""
+
+    length: float = 0.0
+
+
+def integrate(method: Collocation, task: Task, trace: Trace) -> None:
+    """March through the time span, with sums for lags as short as it takes."""
+    events = [replace(event) for event in task.events]
+    for depth in range(len(DEPTHS)):
+        try:
+            return Integration(method, task, trace, depth).run()
+        except TooFast:
+            trace.times[1:], trace.states[1:], trace.pieces[:], trace.steps = [], [], [], 0
+            task.events[:] = [replace(event, times=[], states=[]) for event in events]
+
+
+class Integration:
+    """One integration: the tables and events around the inner loop. `depth`: for lags and steps how short, see DEPTHS."""
+
+    def __init__(self, method: Collocation, task: Task, trace: Trace, depth: int = 0) -> None:
         self.task, self.trace = task, trace
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
@@ -151,9 +179,14 @@ class Integration:
         active = task.coefficient > 0.0
         span = task.end - task.start
         limit = min(method.max_step or span, span)
+        self.stretches = stretches(task)  # the running one first
+        self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
+        self.beyond: Floats | None = None  # y' behind it
+        stretch = self.stretches[0]
         self.problem = _march.Problem(
-            task.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active]
-        )
+            stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
+            stretch.first, stretch.last,
+        )  # fmt: skip
         self.remembers = bool(active.any())
         between = stages.between
         regular, singular = stages.regular.coefficients, stages.singular.coefficients[:, 1:]
@@ -161,31 +194,34 @@ class Integration:
         arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants)
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
         n, m = len(task.y0), int(active.sum())
-        numbers = np.zeros(13)
+        numbers = np.zeros(15)
         numbers[_march.TIME] = numbers[_march.JUMPED] = task.start
         numbers[_march.STEP] = numbers[_march.FIRST] = min(limit, span / 64.0)
         numbers[_march.SINGULAR] = float(self.remembers)
         self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
         fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
-        self._prepare(any(event.jump is not None for event in task.events) or fading > 1e5)
-
-    def _prepare(self, fast: bool) -> None:
-        """The smallest step, the sum for its lags and room for its tables."""
-        self.fast = fast
-        near, floor = (1e-12, 1e-11) if fast else (1e-10, 1e-8)
-        self.problem = self.problem._replace(floor=floor * self.problem.span)
-        self.tail = self._sum(near * self.problem.span) if self.remembers else None
-        count, terms = self.count, len(self.tail) if self.tail else 0
+        self.depth = max(depth, int(any(event.jump is not None for event in task.events) or fading > 1e5))
+        closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
+        while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
+            self.depth += 1
+            if self.depth == len(DEPTHS) or (self.depth > 1 and not has_geometric(task.kernel)):
+                raise SolverError(f"breaks {closest:.2g} s apart are too close for a span of {span:.6g} s and {task.kernel!r}")
+        near, floor = DEPTHS[self.depth]
+        self.problem = self.problem._replace(floor=floor * span)
+        self.tail = self._sum(near * span) if self.remembers else None
+        terms = len(self.tail) if self.tail else 0
         rungs = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2
         shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, count, terms), (2, count, count), (count,)]
         shapes += [(count, terms), (count, count), (count,)]
         self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
-        self.state = self.state._replace(past=np.zeros((len(self.problem.where), terms)))
+        self.state = self.state._replace(past=np.zeros((m, terms)))
 
     def _sum(self, near: float) -> ExponentialSum:
         """The kernel's sum, to a tenth of rtol or the best there is."""
         far = self.problem.span * (1.0 + 1e-9)
         tolerance = 0.1 * self.problem.rtol
+        if far > 1e12 * near * 1.001:
+            return geometric(near, far, tolerance, self.task.kernel)
         while True:
             try:
                 return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
@@ -231,14 +267,117 @@ class Integration:
                     if self._pass(values):
                         return
                 elif code == _march.END:
-                    return
-                elif code == _march.TOO_SMALL and not self.fast and self.state.numbers[_march.TIME] == task.start:
-                    self._prepare(fast=True)  # faster than thought: a sum for shorter lags
+                    if not self._turn():
+                        return
+                elif code == _march.SUSPECT:
+                    self._look()
+                elif code == _march.TOO_SMALL and self._look():
+                    continue
+                elif code == _march.TOO_SMALL and self._fades():
+                    raise TooFast
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
         finally:
             if compiled:
                 task.nfev = calls + int(self.state.numbers[_march.CALLS])
+
+    def _fades(self) -> bool:
+        """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
+        numbers, deeper = self.state.numbers, self.depth + 1
+        if deeper == len(DEPTHS) or numbers[_march.TIME] - numbers[_march.JUMPED] > 1e4 * self.problem.floor:
+            return False
+        return not self.remembers or DEPTHS[deeper][0] >= 1e-12 or has_geometric(self.task.kernel)
+
+    def _turn(self) -> bool:
+        """Go on beyond the end of the running stretch; False at the end of the last."""
+        done = self.stretches.pop(0)
+        if not self.stretches:
+            return False
+        numbers, stretch = self.state.numbers, self.stretches[0]
+        self.problem = self.problem._replace(end=stretch.end, first=stretch.first, last=stretch.last)
+        if self.approaching:
+            self.approaching = False
+            numbers[_march.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
+            self._look()
+            return True
+        self._begin(0.5 * (stretch.end - float(numbers[_march.TIME])))
+        if self.beyond is not None:  # differences across the jump are no derivatives
+            h = float(numbers[_march.STEP])
+            place = self.state.y + 1e-4 * h * self.beyond
+            here, t = self.task.rate(float(numbers[_march.TIME]), place), float(numbers[_march.TIME])
+            for j in range(len(place)):
+                shifted = place.copy()
+                shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
+                self.state.jacobian[:, j] = (self.task.rate(t, shifted) - here) / (shifted[j] - place[j])
+            numbers[_march.KNOWN], self.beyond = 1.0, None
+        return True
+
+    def _begin(self, most: float) -> None:
+        """Start anew here: fun goes on otherwise, the state does not jump."""
+        numbers = self.state.numbers
+        numbers[_march.SMOOTH] = numbers[_march.KNOWN] = numbers[_march.REFUSED] = 0.0
+        numbers[_march.SINGULAR] = float(self.remembers)
+        numbers[_march.JUMPED] = numbers[_march.TIME]
+        numbers[_march.STEP] = min(float(numbers[_march.FIRST]), most)
+
+    def _look(self) -> bool:
+        """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
+        state, numbers, task, problem = self.state, self.state.numbers, self.task, self.problem
+        t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
+        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0:
+            return False
+        piece, y, slope = self.trace.pieces[-1], state.y.copy(), state.rate.copy()
+        scale = np.maximum(problem.atol + problem.rtol * np.abs(y), 1e-300)
+
+        def ahead(time: float) -> Floats:
+            share = (time - t) / piece.length
+            return np.asarray(piece.values(np.array([1.0 + share]))[0] if share <= 0.25 else y + (time - t) * slope)
+
+        def rates(time: float, place: Floats) -> Floats:
+            return task.rate(min(max(time, problem.first), problem.last), place)
+
+        def apart(one: Floats, other: Floats) -> float:
+            return float((np.abs(one - other) / scale).max())
+
+        try:
+            times = np.minimum(t + window * np.linspace(0.0, 1.0, 13), problem.end)
+            found = [rates(time, ahead(time)) for time in times]
+            gaps = [apart(found[k], found[k + 1]) for k in range(12)]
+            k = int(np.argmax(gaps))
+            low, high, before, after, earlier = float(times[k]), float(times[k + 1]), found[k], found[k + 1], gaps[k]
+            for count in range(1, 1100):
+                middle = 0.5 * (low + high)
+                if not low < middle < high:
+                    break
+                new = rates(middle, ahead(middle))
+                if apart(before, new) >= apart(new, after):
+                    high, after = middle, new
+                else:
+                    low, before = middle, new
+                if count in (8, 16):  # what is smooth halves each time
+                    if count == 16 and apart(before, after) <= 0.25 * earlier:
+                        return False
+                    earlier = apart(before, after)
+            jump = apart(before, after)
+            if not jump * window > 0.1:  # harmless
+                return False
+            place = ahead(high)
+            in_time = apart(rates(low, place), rates(high, place)) > 0.5 * jump
+        except SolverError:
+            return False
+        rest = self.stretches[0]
+        if in_time:
+            self.stretches[:1] = [Stretch(high, rest.first, low), Stretch(rest.end, high, rest.last)]
+        elif high - t > 0.25 * piece.length:
+            self.approaching = True
+            self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
+        else:
+            self.beyond = slope + after - before
+            self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
+        stretch = self.stretches[0]
+        self.problem = problem._replace(end=stretch.end, last=stretch.last)
+        numbers[_march.STEP] = max(float(numbers[_march.STEP]), 0.5 * float(numbers[_march.TRIED]))
+        return True
 
     def _reason(self, code: int) -> str:
         numbers, t = self.state.numbers, self.state.numbers[_march.TIME]
@@ -324,8 +463,8 @@ class Integration:
             state.past[...] = decay * state.past + (gained @ values[:, self.problem.where]).T
         state.y[:] = piece.values(np.array([theta]))[0]
         end = piece.start + h * theta
-        if theta == 1.0 and abs(self.task.end - end) <= 1e-12 * self.problem.span:
-            end = self.task.end
+        if theta == 1.0 and abs(self.problem.end - end) <= 1e-12 * h + 1e-15 * abs(self.problem.end):
+            end = self.problem.end
         numbers[_march.TIME] = end
         if theta == 0.0:  # a contact that left no flight
             return

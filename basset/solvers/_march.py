@@ -17,15 +17,18 @@ from basset._compile import compiled, overloads, shared
 from basset._stream import dot
 from basset.kernels import Floats
 
-END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN = range(8)
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT = range(9)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
-TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT, SMOOTH = range(13)
+TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT, SMOOTH, REFUSED, TRIED = range(15)
 
 
 class Problem(NamedTuple):
-    """What does not change: times in s, steps in s, tolerances, memory components and their coefficients."""
+    """What does not change up to `end`: times in s, steps in s, tolerances, memory components and their coefficients.
+
+    `fun` is asked at times within [first, last] only: on this side of what breaks it.
+    """
 
     end: float
     span: float
@@ -36,6 +39,8 @@ class Problem(NamedTuple):
     max_steps: int
     where: Any
     strength: Floats
+    first: float = -math.inf
+    last: float = math.inf
 
 
 class Nodes(NamedTuple):
@@ -281,7 +286,7 @@ def _make_next_step(digest: str) -> Callable[..., Any]:
         """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
         digest  # noqa: B018 - part of the cache key
         size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
-        return min(size, 2.0 * (numbers[TIME] - numbers[JUMPED])) if len(problem.where) > 0 else size
+        return min(size, 2.0 * max(h, numbers[TIME] - numbers[JUMPED])) if len(problem.where) > 0 else size
 
     return next_step
 
@@ -328,7 +333,7 @@ def _make_accept(digest: str) -> Callable[..., Any]:
         if kind == 1:
             numbers[FIRST] = h
         numbers[TIME] += h
-        if abs(problem.end - numbers[TIME]) <= 1e-12 * problem.span:
+        if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(problem.end):
             numbers[TIME] = problem.end
         numbers[STEPS] += 1.0
         numbers[STEP] = next_step(problem, numbers, h, count)
@@ -370,11 +375,21 @@ def checked(state, times, rates):
 
 
 @shared
+def steepest(problem, state, force, rates):
+    """The largest |rates − force| over the tolerance."""
+    worst = 0.0
+    for i in range(len(rates)):
+        for a in range(len(state.y)):
+            worst = max(worst, abs(rates[i, a] - force[i, a]) / (problem.atol + problem.rtol * abs(state.y[a]) + 1e-300))
+    return worst
+
+
+@shared
 def newton(fun, problem, nodes, tables, state, values, rates):
     """Solve the stages into `values`: iterations, negative if it failed, 0 if fun was not finite."""
     h, slot, kind = state.numbers[STEP], int(state.numbers[SLOT]), int(state.numbers[SINGULAR])
     inverse, lead, carry, force = assemble(problem, nodes, tables, state, h, slot, kind)
-    times = state.numbers[TIME] + nodes.c * h
+    times = np.minimum(np.maximum(state.numbers[TIME] + nodes.c * h, problem.first), problem.last)
     states = np.zeros_like(values)
     states[:] = state.y
     values[:] = 0.0
@@ -386,6 +401,11 @@ def newton(fun, problem, nodes, tables, state, values, rates):
         if not math.isfinite(size):
             return -iteration
         if size <= max(1e-3, floor):
+            if iteration == 1 and size > floor and h * steepest(problem, state, force, rates) > 1.0:
+                previous = size  # small, though y' is not: is that so, or is the Jacobian of another place?
+                continue
+            if iteration == 2 and size > max(0.5 * previous, 10.0 * floor):
+                return -iteration
             return iteration
         if iteration > 2 and size > 0.9 * previous:
             return iteration if size <= max(0.1, 10.0 * floor) else -iteration  # stalled: rounding, well below the tolerance
@@ -396,7 +416,7 @@ def newton(fun, problem, nodes, tables, state, values, rates):
 @shared
 def differentiate(fun, problem, state):
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
-    n, t = len(state.y), state.numbers[TIME]
+    n, t = len(state.y), min(max(state.numbers[TIME], problem.first), problem.last)
     states, rates = np.zeros((n + 1, n)), np.zeros((n + 1, n))
     for j in range(n + 1):
         states[j] = state.y
@@ -450,14 +470,21 @@ def attempt(fun, problem, nodes, tables, state, values):
             power = 0.5 * (count + 1)
             states = np.zeros_like(values)
             states_between(nodes, state, values, states)
-            if not evaluate(fun, state, numbers[TIME] + h * nodes.between**2, states, rates):
+            times = np.minimum(np.maximum(numbers[TIME] + h * nodes.between**2, problem.first), problem.last)
+            if not evaluate(fun, state, times, states, rates):
                 return NOT_FINITE
             error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
         code = judge(problem, state, error, power)
         if code != AGAIN:
+            numbers[REFUSED] *= 0.5
             return code
+        if numbers[SINGULAR] == 0.0:
+            numbers[REFUSED] += 1.0
+            if numbers[REFUSED] > 1.7:  # the size that the error asked for did not do: is fun smooth?
+                numbers[REFUSED], numbers[TRIED] = 0.0, h
+                return SUSPECT
 
 
 def _make_attempt(digest: str) -> Callable[..., Any]:

@@ -6,6 +6,7 @@ import abc
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from basset import _validate
 from basset.evaluate import _converted
 from basset.kernels import BassetKernel, Floats, Kernel
 
+BESIDE = 4.0  # units in the last place between a break and where `fun` is asked: the user's own arithmetic may be off by some
 REST = 1e-10  # a flight shorter than this share of the time span counts as rest
 
 MESSAGES = {
@@ -217,6 +219,7 @@ class Task:
     slip: Floats
     events: list[Event]
     max_steps: int
+    breaks: Floats = field(default_factory=lambda: np.empty(0))  # rising
     nfev: int = 0
 
     def rate(self, t: float, y: Floats) -> Floats:
@@ -233,6 +236,28 @@ class Task:
             worst = int(np.flatnonzero(~np.isfinite(result))[0])
             raise SolverError(f"fun gave {result[worst]} in component {worst} at t = {t:.6g}")
         return result
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """From one break of the input to the next: `fun` is asked within [first, last] only, so it sees this side of either break."""
+
+    end: float
+    first: float = -math.inf
+    last: float = math.inf
+
+
+def stretches(task: Task) -> list[Stretch]:
+    """The time span, cut at its breaks."""
+    broken = set(task.breaks.tolist())
+    edges = [task.start, *(t for t in task.breaks.tolist() if task.start < t < task.end), task.end]
+    found = []
+    for low, high in pairwise(edges):
+        nearest = 0.25 * (high - low)
+        first = low + min(nearest, BESIDE * float(np.spacing(abs(low)))) if low in broken else -math.inf
+        last = high - min(nearest, BESIDE * float(np.spacing(abs(high)))) if high in broken else math.inf
+        found.append(Stretch(high, first, last))
+    return found
 
 
 @dataclass
@@ -368,6 +393,7 @@ def solve(
     events: Callable[..., Any] | Sequence[Callable[..., Any]] | None = None,
     dense_output: bool = False,
     max_steps: int = 1_000_000,
+    breaks: ArrayLike = (),
 ) -> Solution:
     """Solve y' = fun(t, y) − coefficient·H[y], the history acting on the components in `memory`.
 
@@ -403,6 +429,11 @@ def solve(
         Whether to return the solution as a function of time.
     max_steps : int
         The integration fails beyond.
+    breaks : array_like (n_breaks,), seconds
+        Instants where `fun` jumps or has a kink in time, in any order; those outside the time span do not matter. A step ends
+        at each, the next one starts anew with the rate after it. `fun` is never asked at a break itself but a few units in the
+        last place before it, and after it. A pulse that may be narrower than a step has to be named here. Fixed steps take
+        breaks that lie on their nodes.
 
     Returns
     -------
@@ -437,7 +468,7 @@ def solve(
         raise TypeError(f"method must be a method such as basset.Collocation(rtol=1e-6), got {_validate.shown(method)}")
     if not callable(fun):
         raise TypeError(f"fun must be callable as fun(t, y), got {_validate.shown(fun)}")
-    task = _task(fun, t_span, y0, memory, coefficient, kernel, initial_slip, args, events, max_steps)
+    task = _task(fun, t_span, y0, memory, coefficient, kernel, initial_slip, args, events, max_steps, breaks)
     wanted = _wanted(t_eval, task)
     trace = Trace([task.start], [task.y0.copy()], [])
     try:
@@ -473,6 +504,7 @@ def _task(
     args: tuple[Any, ...],
     events: Any,
     max_steps: int,
+    breaks: ArrayLike,
 ) -> Task:
     """The arguments of `solve`, checked."""
     try:
@@ -522,8 +554,16 @@ def _task(
         listed.append(Event(function, args, index, bool(getattr(function, "terminal", False)), direction, jump))
     return Task(
         fun, args, start, end, state, np.array(indices, dtype=np.intp), np.broadcast_to(strength, (len(indices),)).astype(np.float64),
-        kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1),
+        kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1), _broken(breaks),
     )  # fmt: skip
+
+
+def _broken(breaks: ArrayLike) -> Floats:
+    """The breaks, checked, each once and rising."""
+    times = np.atleast_1d(_converted("breaks", breaks))
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise ValueError(f"breaks must be a list of finite times in seconds, got {_validate.shown(breaks)}")
+    return np.unique(times)
 
 
 def _wanted(t_eval: ArrayLike | None, task: Task) -> Floats | None:

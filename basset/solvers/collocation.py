@@ -78,6 +78,6 @@ class Collocation(Method):
             object.__setattr__(self, "max_step", _validate.positive("max_step", self.max_step, "seconds"))
 
     def _integrate(self, task: Task, trace: Trace) -> None:
-        from basset.solvers._graded import Integration  # loads the compiler
+        from basset.solvers._graded import integrate  # loads the compiler
 
-        Integration(self, task, trace).run()
+        integrate(self, task, trace)

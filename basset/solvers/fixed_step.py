@@ -16,7 +16,8 @@ from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
-from basset.solvers.base import Method, Piece, SolverError, Task, Trace, fire, speed
+from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, fire, speed, stretches
+from basset.solvers.stability import adams_moulton, bounds, degree_of, longest_step, stable
 from basset.streaming import Plan, State
 
 
@@ -31,13 +32,6 @@ def start_tables(degree: int, kernel: Kernel) -> tuple[Floats, Floats]:
         share, weights = kernel.rule(0.0, float(i))
         history[i - 1] = weights @ lagrange(nodes, i * (1.0 - share))[0]
     return plain, history
-
-
-@lru_cache(maxsize=16)
-def adams_moulton(degree: int) -> Floats:
-    """Weights of the newest degree+1 rates, newest first, in the integral over the newest step."""
-    x, w = gauss_legendre(16)
-    return np.asarray(w @ lagrange(np.arange(degree + 1.0), x)[0])
 
 
 def newton(residual: Callable[[Floats], Floats], guess: Floats, where: str) -> Floats:
@@ -65,6 +59,54 @@ def newton(residual: Callable[[Floats], Floats], guess: Floats, where: str) -> F
     raise SolverError(f"the step's equation did not converge {where}: try a smaller dt")
 
 
+def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Stretch]]:
+    """(node at its end, stretch) from break to break; ValueError where a break is not a node."""
+    found: list[tuple[int, Stretch]] = []
+    for stretch in stretches(task):
+        place = (stretch.end - task.start) / dt
+        node = round(place)
+        if abs(place - node) > 1e-9 * max(1.0, place):
+            raise ValueError(
+                f"breaks must lie on the nodes of fixed steps, got {stretch.end!r} between two of {dt:.6g} s: take a dt that divides its distance from the start, "
+                "or Collocation"
+            )
+        if node > (found[-1][0] if found else 0):
+            found.append((min(node, count), stretch))
+    return found
+
+
+class Watch:
+    """Looks at the newest rates: an unstable step makes them alternate in sign and grow."""
+
+    WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # what alternates, and little of what is smooth
+    STEPS = 16  # in a row: no smooth solution and no rounding does that
+    SHARE = 1e-6  # of the rates themselves
+
+    def __init__(self) -> None:
+        self.rates: list[Floats] = []
+        self.last: Floats = np.empty(0)
+        self.grown = 0
+
+    def see(self, rate: Floats, t: float, run: _March) -> None:
+        """Take the rate of the newest node; SolverError if steps diverge."""
+        if not run.limited:
+            return
+        self.rates = [*self.rates[-4:], rate]
+        if len(self.rates) < 5:
+            return
+        now = self.WEIGHTS @ self.rates
+        if len(self.last):
+            largest = int(np.abs(now).argmax())
+            grows = now[largest] * self.last[largest] < 0.0 and abs(now[largest]) >= abs(self.last[largest])
+            self.grown = self.grown + 1 if grows else 0
+            if self.grown >= self.STEPS and abs(now[largest]) > self.SHARE * max(abs(rates[largest]) for rates in self.rates):
+                raise SolverError(f"steps of {run.dt:.3g} s diverge with {run.rule!r} at t = {t:.6g}: {SHORTER}")
+        self.last = now
+
+
+SHORTER = "take a smaller dt, a lower degree, or Collocation"
+
+
 class _Grid(Method):
     """What methods on a uniform grid share: the march from node to node, events at nodes, the dense output."""
 
@@ -76,10 +118,13 @@ class _Grid(Method):
         if count > task.max_steps:
             raise SolverError(f"more than max_steps = {task.max_steps} steps of {self.dt:g} s are needed")
         run = self._march(task, span / count)
-        node, last_event = 0, -10
+        ahead = on_nodes(task, run.dt, count)
+        stop, run.stretch = ahead.pop(0)
+        node, last_event, watch = 0, -10, Watch()
         y, rate = task.y0.copy(), run.begin(task.start, task.y0.copy(), task.slip)
+        run.check(task.start, y)
         while node < count:
-            states, rates = run.advance(task.start + node * run.dt, y, count - node)
+            states, rates = run.advance(task.start + node * run.dt, y, stop - node)
             for state, after in zip(states, rates, strict=True):
                 t, end = task.start + node * run.dt, task.start + (node + 1) * run.dt if node + 1 < count else task.end
                 trace.pieces.append(hermite(t, end - t, y, state, rate, after))
@@ -96,8 +141,12 @@ class _Grid(Method):
                 trace.steps += 1
                 trace.times.append(end)
                 trace.states.append(y.copy())
+                watch.see(after, end, run)
+                broken = node == stop and bool(ahead)
+                if broken:
+                    stop, run.stretch = ahead.pop(0)
                 if fired:
-                    y_after, stop, rest = fire(task, trace, fired, end, y)
+                    y_after, stopped, rest = fire(task, trace, fired, end, y)
                     if any(event.jump is not None for event in fired):
                         if node - last_event <= 1:
                             rest = True
@@ -107,14 +156,17 @@ class _Grid(Method):
                             event.bounced = event.jump is not None and speed(task, event, end, y_after) * speed(task, event, end, y) <= 0.0
                         run.retract(node + 1 - run.nodes)
                         rate = run.jump(end, y_after, y_after[task.memory] - y[task.memory])
-                        y = y_after
+                        y, watch, broken = y_after, Watch(), False
                         trace.times.append(end)
                         trace.states.append(y.copy())
-                    if stop or rest:
-                        trace.status = 1 if stop else 2
+                    if stopped or rest:
+                        trace.status = 1 if stopped else 2
                         return
                     if any(event.jump is not None for event in fired):
                         break
+                if broken:
+                    rate, watch = run.jump(end, y, np.zeros(len(task.memory))), Watch()
+                    run.check(end, y)
 
     @abc.abstractmethod
     def _march(self, task: Task, dt: float) -> _March:
@@ -134,12 +186,41 @@ def hermite(start: float, length: float, y0: Floats, y1: Floats, r0: Floats, r1:
 class _March(abc.ABC):
     """A method on a uniform grid at work: the stream of the memory components and the newest samples."""
 
+    held = False  # whether the history of a step's beginning acts all through it
+
     def __init__(self, task: Task, dt: float, rule: Rule) -> None:
-        self.task, self.dt = task, dt
+        self.task, self.dt, self.rule = task, dt, rule
+        self.degree, self.steps = degree_of(rule), max(1, round((task.end - task.start) / dt))
+        self.strength = np.zeros(len(task.y0))
+        self.strength[task.memory] = task.coefficient
+        self.limited = self.held or min(bounds(rule)) < math.inf
+        self.stretch = Stretch(task.end)
         self.plan: Plan = rule.plan(dt, task.end - task.start, task.kernel)
         self.state: State = self.plan.start((len(task.memory),))
         self.nodes = 0
         self._kept: list[State] = []
+
+    def rate(self, t: float, y: Floats) -> Floats:
+        """fun(t, y), from within the stretch between two breaks."""
+        return self.task.rate(min(max(t, self.stretch.first), self.stretch.last), y)
+
+    def check(self, t: float, y: Floats) -> None:
+        """SolverError if steps are too long to be stable for what `fun` is at (t, y)."""
+        if not self.limited:
+            return
+        here = self.rate(t, y)
+        for share in (1.5e-8, 1e-5):  # where fun is not smooth, the two differ
+            jacobian = np.empty((len(y), len(y)))
+            for j in range(len(y)):
+                shifted = y.copy()
+                shifted[j] += share * max(1.0, abs(y[j]))
+                jacobian[:, j] = (self.rate(t, shifted) - here) / (shifted[j] - y[j])
+            if not np.isfinite(jacobian).all() or stable(self.rule, self.dt, self.steps, jacobian, self.strength, self.held):
+                return
+        fastest, most = max(0.0, float(-np.linalg.eigvals(jacobian).real.min())), float(self.strength.max())
+        longest = longest_step(self.rule, fastest, most, self.held)
+        what = f"for rates up to {fastest:.3g} 1/s and coefficients up to {most:.3g} s^(-1/2), as at t = {t:.6g}"
+        raise SolverError(f"steps of {self.dt:.3g} s diverge with {self.rule!r}: {longest:.3g} s is the longest stable one {what}; {SHORTER}")
 
     @abc.abstractmethod
     def begin(self, t: float, y: Floats, slip: Floats) -> Floats:
@@ -187,8 +268,10 @@ class FixedStep(_Grid):
     fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where
     it holds a t^(3/2)).
 
-    Daitche(1) is stable for any drag; degree 2 needs rate·dt < 6 and degree 3 < 3 (Adams–Moulton): take Collocation for
-    stiff drag. Events snap to the first node after the crossing: first order in dt at best. After a jump, and after an
+    Degree 1 and the rules of lower order are stable for any drag and any history; from degree 2 on rate·dt/A + c√dt/B must stay
+    below 1: A = 6, 3, 1.8, 1.2, 0.77, 0.49, 0.31, 0.19, 0.11 and B = 17, 2.2, 1.1, 0.54, 0.29, 0.17, 0.10, 0.060, 0.034 for
+    degrees 2 to 10. A step that is too long for what `fun` is at the start, and rates that alternate and grow on the way, end
+    in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing: first order in dt at best. After a jump, and after an
     initial slip, the solution goes as √t: whatever the degree, the largest error over the path then falls as h^(1/2) with
     rates and as h with slips; from rest as h^(3/2) and h².
 
@@ -244,21 +327,17 @@ class _OnRates(_March):
 
     def __init__(self, task: Task, dt: float, rule: Rule) -> None:
         super().__init__(task, dt, rule)
-        base = rule._remembered
-        self.degree = base.order if isinstance(base, Daitche) else 1
         self.recent: list[Floats] = []  # rates of all states, newest first
-        self.strength = np.zeros(len(task.y0))
-        self.strength[task.memory] = task.coefficient
 
     def begin(self, t: float, y: Floats, slip: Floats) -> Floats:
-        rate = self.task.rate(t, y)
+        rate = self.rate(t, y)
         self.push(rate[None, self.task.memory])
         self.plan.jump(self.state, slip)
         self.recent = [rate]
         return rate
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
-        rate = self.task.rate(t, y)
+        rate = self.rate(t, y)
         rate[self.task.memory] -= self.task.coefficient * self.plan.value(self.state)
         self.plan.jump(self.state, delta, g=rate[self.task.memory])
         self.recent = [rate]
@@ -274,7 +353,7 @@ class _OnRates(_March):
         fixed = np.zeros(len(y))
         fixed[task.memory] = task.coefficient * tail
         rate = newton(
-            lambda g: g * (1.0 + self.strength * local) + fixed - task.rate(end, known + self.dt * weights[0] * g), self.recent[0], f"at t = {end:.6g}"
+            lambda g: g * (1.0 + self.strength * local) + fixed - self.rate(end, known + self.dt * weights[0] * g), self.recent[0], f"at t = {end:.6g}"
         )
         self.push(rate[None, task.memory])
         self.recent = [rate, *self.recent[: self.degree - 1]]
@@ -292,7 +371,7 @@ class _OnRates(_March):
 
         def residual(flat: Floats) -> Floats:
             rates = flat.reshape(degree, n)
-            result = rates - np.array([task.rate(time, state) for time, state in zip(times, states(rates), strict=True)])
+            result = rates - np.array([self.rate(time, state) for time, state in zip(times, states(rates), strict=True)])
             memory = past + root * (history @ np.vstack([first, rates])[:, task.memory])
             result[:, task.memory] += task.coefficient * memory
             return np.asarray(result.ravel())
@@ -308,9 +387,6 @@ class _OnSlips(_March):
 
     def __init__(self, task: Task, dt: float, rule: Rule) -> None:
         super().__init__(task, dt, rule)
-        base = rule._remembered
-        assert isinstance(base, Daitche)
-        self.degree = base.order
         self.recent: list[Floats] = []  # fun of all states, newest first
         self.offset = np.zeros(len(task.memory))
         self.stored = np.zeros(len(task.memory))  # c∫K y at the newest node
@@ -318,13 +394,13 @@ class _OnSlips(_March):
     def begin(self, t: float, y: Floats, slip: Floats) -> Floats:
         self.offset = y[self.task.memory] - slip
         self.push(slip[None])
-        self.recent = [self.task.rate(t, y)]
+        self.recent = [self.rate(t, y)]
         return self.recent[0]
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
         self.stored = self.task.coefficient * self.plan.value(self.state)
         self.plan.jump(self.state, np.zeros_like(delta), g=y[self.task.memory] - self.offset)
-        self.recent = [self.task.rate(t, y)]
+        self.recent = [self.rate(t, y)]
         return self.recent[0]
 
     def advance(self, t: float, y: Floats, left: int) -> tuple[list[Floats], list[Floats]]:
@@ -347,7 +423,7 @@ class _OnSlips(_March):
 
         def residual(flat: Floats) -> Floats:
             states = flat.reshape(count, n)
-            functions[:] = [task.rate(time, state) for time, state in zip(times, states, strict=True)]
+            functions[:] = [self.rate(time, state) for time, state in zip(times, states, strict=True)]
             result = states - known - ahead @ functions
             result[:, task.memory] += task.coefficient * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
             return np.asarray(result.ravel())
@@ -369,7 +445,9 @@ class RungeKutta4(_Grid):
     """Classical Runge–Kutta with the history held over the step, as the thesis integrates: first order in dt.
 
     The rate at the new node is then made consistent with the history there. Events snap to the first node after the
-    crossing. A jump adds its kernel from the next node on; in the step that follows it the jump itself is not felt.
+    crossing. A jump adds its kernel from the next node on; in the step that follows it the jump itself is not felt. Stable for
+    rate·dt < 2.78, and for c√dt < B/2·(1 + R) with degrees from 2 on, R the Runge–Kutta factor (B: see FixedStep); longer
+    steps, noticed at the start or on the way, end in status −1. Breaks must lie on nodes.
 
     Parameters
     ----------
@@ -412,13 +490,15 @@ class RungeKutta4(_Grid):
 class _Held(_OnRates):
     """Explicit: the history of the step's beginning acts all through it."""
 
+    held = True
+
     def advance(self, t: float, y: Floats, left: int) -> tuple[list[Floats], list[Floats]]:
         task, h = self.task, self.dt
         held = np.zeros(len(y))
         held[task.memory] = task.coefficient * self.plan.value(self.state)
 
         def rate(time: float, state: Floats) -> Floats:
-            return task.rate(time, state) - held
+            return self.rate(time, state) - held
 
         k1 = rate(t, y)
         k2 = rate(t + 0.5 * h, y + 0.5 * h * k1)
@@ -427,6 +507,6 @@ class _Held(_OnRates):
         after = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         fixed = np.zeros(len(y))
         fixed[task.memory] = task.coefficient * self.plan.tail(self.state)
-        new = (task.rate(t + h, after) - fixed) / (1.0 + self.strength * self.plan.local(self.state))
+        new = (self.rate(t + h, after) - fixed) / (1.0 + self.strength * self.plan.local(self.state))
         self.push(new[None, task.memory])
         return [after], [new]

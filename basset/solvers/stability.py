@@ -1,0 +1,125 @@
+"""How long a fixed step may be: beyond, the samples of a relaxing equation alternate in sign and grow, whatever its solution does.
+
+For y' = −λy − c·H[y] a step is a recurrence with the characteristic function (1 − ζ)(1 + c√dt W(ζ)) + λ dt A(ζ), W and A the generating
+functions of the rule's weights for a unit step and of the Adams–Moulton weights; the first root that enters the unit disk as dt
+grows does so at ζ = −1, for every rule here. Steps with the history held have (1 − Rζ)(1 + c√dt W) − (1 − R)ζ c√dt W, R the
+polynomial of Runge and Kutta, and a second bound R(λ dt) = 1.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from basset import _validate
+from basset.kernels import Floats, gauss_legendre
+from basset.quadrature import Daitche, Rule
+from basset.quadrature.base import resolve
+from basset.quadrature.product import lagrange
+
+LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then
+HARMLESS = 1e4  # growth over a run: what alternates is at the rounding of a smooth solution in the beginning
+HELD_RATE = 2.785293563405282  # R = 1
+
+
+@lru_cache(maxsize=16)
+def adams_moulton(degree: int) -> Floats:
+    """Weights of the newest degree+1 rates, newest first, in the integral over the newest step."""
+    x, w = gauss_legendre(16)
+    return np.asarray(w @ lagrange(np.arange(degree + 1.0), x)[0])
+
+
+def degree_of(rule: Rule) -> int:
+    """Degree with which the rates of all states are interpolated."""
+    base = rule._remembered
+    return base.order if isinstance(base, Daitche) else 1
+
+
+@lru_cache(maxsize=256)
+def symbols(rule: Rule, share: float = 1.0) -> tuple[float, float]:
+    """(A, W) at ζ = −share: what both sets of weights make of samples that alternate and grow by 1/share from step to step."""
+    plain, history = adams_moulton(degree_of(rule)), rule._remembered.weights(2 * LAGS, 1.0)[:LAGS]
+    partial = np.cumsum(history * (-share) ** np.arange(float(LAGS)))
+    return float(np.polyval(plain[::-1], -share)), float(np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0 @ partial[-5:])
+
+
+def bounds(rule: Rule) -> tuple[float, float]:
+    """(largest λ·dt without memory, largest c·√dt without drag) of implicit steps; infinite where there is none.
+
+    Between them (λ dt)/first + (c√dt)/second < 1 is stable.
+    """
+    drag, history = symbols(rule)
+    return -2.0 / drag if drag < -1e-6 else math.inf, -1.0 / history if history < -1e-6 else math.inf
+
+
+def held_factor(product: Any) -> Floats:
+    """R of a Runge–Kutta step at λ·dt."""
+    return np.asarray(1.0 - product * (1.0 - product / 2.0 * (1.0 - product / 3.0 * (1.0 - product / 4.0))))
+
+
+def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool = False) -> float:
+    """The longest stable fixed step for y' = −rate·y − coefficient·H[y].
+
+    Parameters
+    ----------
+    rule : Rule or str
+        The scheme of the history.
+    rate : float, 1/s
+        λ, 0 or greater: of what relaxes fastest.
+    coefficient : float, s^(-1/2)
+        c, 0 or greater.
+    held : bool
+        Whether the history is held over the step, as `RungeKutta4` does; else implicit, as `FixedStep`.
+
+    Returns
+    -------
+    float, seconds
+        Infinite where every step is stable.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is out of range.
+
+    References
+    ----------
+    Hairer, Nørsett & Wanner (1993), Solving Ordinary Differential Equations I, section III.1; with memory: this library.
+
+    Examples
+    --------
+    >>> import basset
+    >>> longest_step(basset.Daitche(1), 1e6, 10.0)
+    inf
+    >>> round(longest_step(basset.Daitche(3), 1.0, 0.0), 12), round(longest_step(basset.Daitche(10), 1.0, 0.6), 5)
+    (3.0, 0.00279)
+    """
+    rule = resolve(rule)
+    rate, coefficient = _validate.non_negative("rate", rate, "1/s"), _validate.non_negative("coefficient", coefficient, "s^(-1/2)")
+    drag, memory = bounds(rule)
+    if not held:
+        linear, square = coefficient / memory, rate / drag  # of √dt
+        whole = linear + math.sqrt(linear**2 + 4.0 * square)
+        return (2.0 / whole) ** 2 if whole > 0.0 else math.inf
+    if rate == 0.0:
+        return (memory / coefficient) ** 2 if coefficient > 0.0 else math.inf
+    steps = HELD_RATE / rate * np.linspace(0.0, 1.0, 4097)[1:]
+    beyond = np.flatnonzero(coefficient * np.sqrt(steps) / memory >= 0.5 * (1.0 + held_factor(rate * steps)))
+    return float(steps[max(0, beyond[0] - 1)] if len(beyond) else steps[-1])
+
+
+def stable(rule: Rule, dt: float, steps: int, jacobian: Floats, coefficient: Floats, held: bool) -> bool:
+    """Whether alternating samples of y' = jacobian·y − coefficient·H[y], (n, n) and (n,), grow less than HARMLESS in so many steps."""
+    share = HARMLESS ** (-1.0 / steps)
+    plain, memory = symbols(rule, share)
+    decay, history = -dt * jacobian, np.diag(math.sqrt(dt) * coefficient * memory)
+    whole = np.eye(len(coefficient))
+    if not held:
+        return bool(np.linalg.eigvals((1.0 + share) * (whole + history) + plain * decay).real.min() > 0.0)
+    own = np.linalg.eigvals(decay)
+    if (np.abs(held_factor(own)[own.real > 0.0]) * share > 1.0).any():
+        return False
+    kept = whole - decay @ (whole - decay / 2.0 @ (whole - decay / 3.0 @ (whole - decay / 4.0)))
+    return bool(np.linalg.eigvals(whole + share * kept + (1.0 + share) * history).real.min() > 0.0)
