@@ -577,6 +577,8 @@ class Basis(Table):
         given["tail"] = self._tail(options, given.pop("rtol", 1e-6), horizon)
 
     def _tail(self, options: Any, rtol: float, horizon: float) -> Any:
+        if options.rtol is not None and options.tail != "fitted":
+            raise ValueError(f"rtol has no meaning for tail = {_validate.shown(options.tail)}: it is the error of a fitted one")
         if options.tail in (None, False):
             return None
         from basset import ExponentialSum
