@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from basset import _validate
 from basset._states import owned, steps_to
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.quadrature.base import INPUTS, TABLES, Rule, table
+from basset.quadrature.base import INPUTS, TABLES, FullRule, Rule, table
 from basset.quadrature.product import GAUSS, Daitche, lagrange, panel_basis, panel_integrals
 
 if TYPE_CHECKING:
@@ -125,30 +125,64 @@ class Plan:
 
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: Kernel) -> None:
         self.rule, self.dt, self.kernel = rule, _validate.positive("dt", dt, "seconds"), kernel
-        horizon = _validate.positive("horizon", horizon, "seconds")
-        rule._accept(kernel, INPUTS[0])
-        steps = steps_to(horizon, self.dt)
+        steps, self._window, self.tail_sum = self.reach(rule, self.dt, horizon, kernel)
         self._unit = kernel.scaled(self.dt)
         self._base = rule._remembered
-        window = rule._window_steps(self.dt)
-        self.tail_sum: ExponentialSum | None = None
         self.steps: int | None = steps
-        self._window: int | None = window
-        if window is not None:
-            if window > LONGEST:
-                raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {self.dt:g} seconds in a stream, got {window:g} steps")
-            tail = rule._tail(self.dt, steps * self.dt, kernel)
-            if tail is None or steps > self._lags(window):
-                self.tail_sum = tail
-                self.steps = None if tail is None or math.isinf(tail.far) else steps
-            else:
-                self._window = None  # shorter than the window: the whole history
+        if self._window is not None and (self.tail_sum is None or math.isinf(self.tail_sum.far)):
+            self.steps = None
         self._prepare(steps)
         TABLES.trim()
 
-    def _lags(self, window: int) -> int:
+    @staticmethod
+    def reach(rule: Rule, dt: float, horizon: float, kernel: Kernel) -> tuple[int, int | None, ExponentialSum | None]:
+        """What a plan remembers, before anything is computed for it.
+
+        Parameters
+        ----------
+        rule, dt, horizon, kernel
+            As of the plan.
+
+        Returns
+        -------
+        steps : int
+            Of the horizon.
+        window : int or None
+            Steps of the window; None where the whole history is kept.
+        tail : ExponentialSum or None
+            What stands for the kernel beyond the window.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Rule.plan`.
+
+        Examples
+        --------
+        >>> import basset
+        >>> Plan.reach(basset.Daitche(order=1), 0.25, 1.0, basset.BassetKernel())
+        (4, None, None)
+        """
+        horizon = _validate.positive("horizon", horizon, "seconds")
+        rule._accept(kernel, INPUTS[0])
+        steps = steps_to(horizon, dt)
+        window, tail = rule._window_steps(dt), None
+        if window is not None:
+            if window > LONGEST:
+                raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {dt:g} seconds in a stream, got {window:g} steps")
+            tail = rule._tail(dt, steps * dt, kernel)
+            if tail is not None and steps <= Plan._lags(rule._remembered, window):
+                window, tail = None, None  # shorter than the window: the whole history
+        if window is None and steps > LONGEST:
+            raise ValueError(
+                f"horizon must be at most {LONGEST:g} steps where the whole history is kept, got {steps:g} steps: take a window or basset.Exponential"
+            )
+        return steps, window, tail
+
+    @staticmethod
+    def _lags(base: FullRule, window: int) -> int:
         """Largest lag that a panel leaving the window touches."""
-        degree = self._base.order if isinstance(self._base, Daitche) else 1
+        degree = base.order if isinstance(base, Daitche) else 1
         return window + (degree + 1) // 2
 
     def _prepare(self, steps: int) -> None:
@@ -161,10 +195,6 @@ class Plan:
         self._tail_weights: Floats = np.empty(0)
         self._fixed_terms: Floats = np.empty((0, 0))
         if self._window is None:
-            if steps > LONGEST:
-                raise ValueError(
-                    f"horizon must be at most {LONGEST:g} steps where the whole history is kept, got {steps:g} steps: take a window or basset.Exponential"
-                )
             slots, steady, ring = steps + 1, steps + 1, steps + 1
             fixed: Floats = np.empty(0)
             entry: Floats = np.empty((0, 0))
@@ -172,7 +202,7 @@ class Plan:
             slots, steady, ring = self._window + 1, self._window, self._window + 1
             fixed, entry = root * np.concatenate(weights.row(self._window)), np.empty((0, 0))
         else:
-            slots, ring = self._lags(self._window) + 1, self._window + 1
+            slots, ring = self._lags(self._base, self._window) + 1, self._window + 1
             steady, fixed, entry = self._split_tail(slots - 1)
         self._slots, self._steady, self._ring = slots, steady, ring
         first, reach = base._first, base._reach

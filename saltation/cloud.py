@@ -83,7 +83,7 @@ class Cloud:
             crowd.flight[i, flight.TOP] = position[2]
             crowd.flight[i, [flight.U, flight.V, flight.W]] = velocity
         crowd.jump[:] = crowd.y[:, d : d + members]
-        crowd.numbers[:, [_march.STEP, _march.FIRST]] = DEFAULT_FIRST
+        crowd.numbers[:, [_march.STEP, _march.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         crowd.numbers[:, _march.SINGULAR] = float(members > 0)
         self.world = self._world() if "encounters" in scene.names else None
         cells = self.world.along * self.world.across if self.world is not None else 0

@@ -23,21 +23,24 @@ from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flow import Still, both, tabulated
 
-SPAN = 16.0  # d/V: the longest step
+SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may be longer than usual or never end, more
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
 FLOOR_OF_ENCOUNTERS = 1e-7  # d/V: two contacts may follow each other more closely than a grain's takeoff and impact
 RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
+EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long for some takeoffs
+BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # the local estimate of a regular step is so much too careful: measured, see tests/saltation/test_convergence.py
 ATOL = 1.0  # of velocities and spins, in V and V/d
 REST = 1e-5  # d/V: shorter flights
 PATIENCE = 50.0  # … so many in a row are rest
+PATIENCE_IN_STEPS = 62.5  # steps at least in the longest flight, as many as SPAN is in the usual one
 
 
 class Tables:
     """Nodes and step tables of one number of stages and one sum of exponentials, filled as they are asked for."""
 
-    def __init__(self, stages: int, tail: ExponentialSum | None, floor: float = FLOOR) -> None:
+    def __init__(self, stages: int, tail: ExponentialSum | None, floor: float, span: float) -> None:
         self.count, self.tail, self.floor = stages, tail, floor
         found = stages_of(stages)
         regular, singular = found.regular.coefficients, found.singular.coefficients[:, 1:]
@@ -47,7 +50,7 @@ class Tables:
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
         self.rise = np.ascontiguousarray(found.regular._integrals)
         terms = len(tail) if tail else 0
-        rungs = math.ceil(_march.LADDER * math.log2(SPAN / floor)) + 2
+        rungs = math.ceil(_march.LADDER * math.log2(span / floor)) + 2
         shapes: list[tuple[int, ...]] = [(2,), (2, stages, terms), (terms,), (2, stages, terms), (2, stages, stages), (stages,)]
         shapes += [(stages, terms), (stages, stages), (stages,)]
         self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
@@ -64,14 +67,15 @@ class Tables:
 
 
 @lru_cache(maxsize=16)
-def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR) -> Tables:
+def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN) -> Tables:
     """Shared tables; horizon None: no memory."""
     if horizon is None:
-        return Tables(stages, None, floor)
+        return Tables(stages, None, floor, span)
     near = max(floor * stages_of(stages).c[0], horizon / RANGE)
+    far = max(horizon, 10.0 * near)
     while True:
         try:
-            return Tables(stages, ExponentialSum.fit(near, horizon, rtol), near / stages_of(stages).c[0])
+            return Tables(stages, ExponentialSum.fit(near, far, rtol), near / stages_of(stages).c[0], span)
         except ValueError:
             if rtol > 1e-4:
                 raise
@@ -93,10 +97,21 @@ def local_shortfall(stages: int, c1: float) -> Floats:
     return result
 
 
-class Engine:
-    """One scene made ready to fly: everything that does not change, for any number of grains."""
+def first_horizon(scene: Any) -> float:
+    """How far the memory of a run reaches at first, d/V: the scene's horizon, unless that is long and a shorter one may do."""
+    if scene.widens:
+        return float(min(scene.horizon, BRIEF))
+    needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
+    return float(min(scene.horizon, max(EASY, needed)))
 
-    def __init__(self, scene: Any) -> None:
+
+class Engine:
+    """One scene made ready to fly: everything that does not change, for any number of grains.
+
+    `horizon` (d/V): how far its memory reaches, in place of the scene's.
+    """
+
+    def __init__(self, scene: Any, horizon: float | None = None) -> None:
         numbers, names = scene.numbers, scene.names
         self.scene, self.numbers = scene, numbers
         self.profile = Still(0.0) if isinstance(scene.profile, Still) else tabulated(scene.profile)
@@ -120,18 +135,25 @@ class Engine:
         digits = -math.log10(rtol)
         stages = max(4, round(1.1 * digits - 0.5))
         tolerance = min(SAFETY * rtol, 0.03)
-        horizon = scene.horizon if self.members else None
+        horizon = (first_horizon(scene) if horizon is None else horizon) if self.members else None
         far = horizon
         if self.members and scene.options("history").kernel != "basset" and horizon is not None:
             far = 10.0 * horizon  # for the weights that follow the slip, see basset.spectrum
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR)
         end = math.inf if scene.run.duration is None else scene.run.duration / numbers.time
+        span = SPAN
+        if scene.cloud is None:  # steps grow with what a flight may last
+            longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
+            span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, span)
+        self.end = end
+        if scene.widens and horizon is not None:
+            end = min(end, horizon)  # then a longer memory takes over
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
-        self.problem = _march.Problem(end, SPAN, SPAN, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
+        self.problem = _march.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
         points = 16 if rtol >= 1e-6 else 48
         self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
-        self.limits = flight.Limits(scene.run.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
+        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
         self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else None
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
@@ -215,7 +237,7 @@ class Grain:
         first = engine.first() if start is None else start
         y = engine.state_of(first)
         places = np.zeros(13)
-        places[_march.STEP] = places[_march.FIRST] = DEFAULT_FIRST
+        places[_march.STEP] = places[_march.FIRST] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         places[_march.SINGULAR] = float(members > 0)
         jump = y[d : d + members].copy()
         self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)

@@ -121,6 +121,8 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[4, a] = states[0, a] + lead * states[9, a]
             before_z, before_w = y[d - 1], y[2 * d - 1]
+            for a in range(n):
+                states[0, a], states[10, a] = y[a], rates[0, a]
             spin_before = 0.0
             if model.turning is not None:
                 spin_before = y[4] if model.across is None else y[7]
@@ -136,8 +138,19 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(m):
                     history[a] = value[0, a]
                 counters[0], counters[1], counters[2] = count + 1, node + 1, max(0, pending - 1)
+            begin = numbers[_march.TIME]
             numbers[_march.TIME] += dt
             numbers[_march.STEPS] = min(known + 1, len(rates))
+            ends = numbers[_march.TIME] > problem.end * (1.0 + 1e-12)
+            if ends:  # within the step: its cubic, back to there
+                x = (problem.end - begin) / dt
+                for a in range(n):
+                    rise = y[a] - states[0, a]
+                    low, high = dt * states[10, a], dt * rates[0, a]
+                    square, cube = 3.0 * rise - 2.0 * low - high, low + high - 2.0 * rise
+                    y[a] = states[0, a] + x * (low + x * (square + x * cube))
+                    rates[0, a] = (low + x * (2.0 * square + 3.0 * x * cube)) / dt
+                numbers[_march.TIME] = problem.end
             w = y[2 * d - 1]
             if before_w > 0.0 >= w:
                 share = before_w / (before_w - w)
@@ -149,6 +162,8 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
             for a in range(n):
                 path[done, 1 + a], path[done, 1 + n + a] = y[a], rates[0, a]
             done += 1
+            if ends:
+                return _march.END, done
             if bed is not None and w <= 0.0 and y[d - 1] < bed.highest:
                 draws = uniforms(bed.seed, bed.grain, int(flight_[flight.IMPACTS]))
                 u = y[d] + both(model.profile, y[d - 1])[0]
@@ -187,16 +202,16 @@ def _make_strike(digest: str) -> Callable[..., Any]:
 strike = compiled(_make_strike, allocates=False)
 
 
-def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Result:
+def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -> Result:
     """Simulate a scene at fixed steps; as `saltation.run`."""
-    from saltation.simulation import STATUS
+    from saltation.simulation import ending
 
-    engine = Engine(scene)
+    scene = engine.scene
     grain = Grain(engine)
     state, d, m, n = grain.state, engine.dimensions, engine.members, engine.states
     dt = float(scene.solver.dt)
     held = scene.solver.method == "runge_kutta_4"
-    rule = scene.history_rule() if m else Daitche(1)
+    rule = scene.history_rule(engine.horizon) if m else Daitche(1)
     base = rule._remembered
     degree = base.order if isinstance(base, Daitche) else 1
     weights = np.zeros((degree + 1, degree + 1))
@@ -204,7 +219,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
         weights[p, : p + 1] = adams_moulton(p)
     weights[0, 0] = 1.0
     plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
-    memory = grain.memory._replace(rates=np.zeros(0))
+    memory = grain.memory._replace(rates=np.zeros(0), horizon=(scene.steps_of(engine.horizon) + 0.5) * dt if m else math.inf)
     state = state._replace(past=np.zeros((m, 0)))
     stream = plan.start((m,))
     short, oldest, interior, fixed, loss, gains, entry = plan._arrays
@@ -277,7 +292,7 @@ def run_fixed(scene: Any, progress: Callable[[float], None] | None = None) -> Re
                 continue
         if code != _march.FULL:
             break
-    status, message = STATUS.get(code, ("failed", "the step's equation did not converge: try a smaller solver.dt"))
+    status, message = ending(code, grain, ("failed", "the step's equation did not converge: try a smaller solver.dt"))
     table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))
     result = Result.of(engine, table, None, status, message, grain.spin)
     if scene.run.trajectory:

@@ -5,6 +5,7 @@ The tables of effects are found in `saltation/effects`: each file brings its own
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import tomllib
 from functools import cached_property
@@ -28,6 +29,11 @@ __all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene",
 
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
+PATIENCE = 1000.0  # d/u*: a longer flight is taken to be one that never comes down …
+FASTEST = 100.0  # V: … unless a grain that leaves the bed so fast would fly longer without drag
+FEWEST = 1e-9  # d/u*: of a run's duration
+MOST_STEPS = 1e8  # fixed ones
+MOST_TIMES = 10**7  # that are kept of a cloud
 FINEST = 1e-13  # relative error of sums of exponentials
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
@@ -224,7 +230,9 @@ class Run(Table):
     duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
     discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
     seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
-    longest_flight: float = Field(1000.0, gt=0.0, description="a flight this long never comes down, in units of d/u*")
+    longest_flight: float | None = Field(
+        None, gt=0.0, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
+    )
     trajectory: bool = Field(True, description="whether the path is kept")
 
     @model_validator(mode="after")
@@ -397,9 +405,10 @@ class Basis(Table):
             raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {velocity}")
         if self.in_plane and spin is not None and (spin[0] != 0.0 or spin[2] != 0.0):
             raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
+        self._check_numbers()
+        self._check_duration()
         if "history" in names:
             self._check_history()
-        self._check_numbers()
         if "encounters" in names and self.cloud is None:
             raise ValueError("effects: 'encounters' needs more than one grain: add a [cloud] table with number and concentration")
         if self.cloud is not None:
@@ -448,6 +457,22 @@ class Basis(Table):
         except ValueError as error:
             raise ValueError(f"channel.{error}") from None
 
+    def _check_duration(self) -> None:
+        """A time that steps can fill."""
+        if self.run.duration is None:
+            return
+        end, dt = self.run.duration / self.numbers.time, self.solver.dt
+        least = f"{FEWEST * self.numbers.time:.3g} s ({FEWEST:g} d/u*)"
+        if not end >= FEWEST:
+            raise ValueError(f"run.duration must be {least} or longer, got {self.run.duration:g}")
+        if dt is not None and not end / dt <= MOST_STEPS * (1.0 + 1e-9):
+            raise ValueError(f"run.duration must be {MOST_STEPS:g} steps or less, got {end / dt:.3g} of solver.dt = {dt:g} d/u*")
+        if self.cloud is not None and self.run.trajectory and not end / self.cloud.interval <= MOST_TIMES:
+            raise ValueError(
+                f"cloud.interval must leave {MOST_TIMES:g} times to keep or less in run.duration, which is {end:.4g} d/u*, "
+                f"got {self.cloud.interval:g} d/u*: give a longer one, or run.trajectory = false"
+            )
+
     def _check_history(self) -> None:
         """Scheme and solver have to fit."""
         options = self.options("history")
@@ -456,26 +481,60 @@ class Basis(Table):
             raise ValueError(f"history.scheme must be one of {known}, got {options.scheme!r}{_validate.suggestion(options.scheme, SCHEMES)}")
         if options.rtol is not None and options.rtol < FINEST:
             raise ValueError(f"history.rtol must be {FINEST:g} or greater, got {options.rtol:g}: sums of exponentials are good to rounding then")
-        if self.horizon > LONGEST:
-            what = (
-                f"history.horizon must be {LONGEST:g} or less"
-                if options.horizon
-                else f"history.horizon must be given, {LONGEST:g} or less, for so long a run.duration"
+        if self.horizon > LONGEST and not self.widens:
+            what = f"history.horizon must be {LONGEST:g} or less" if options.horizon else f"run.duration must be {0.99 * LONGEST:g} or less with history"
+            raise ValueError(f"{what}, got {self.horizon / (1.0 if options.horizon else 1.01):g} (units of d/u*)")
+        kernels = options.kernel != "basset"
+        if kernels and (options.scheme != "exponential" or self.solver.method != "collocation"):
+            raise ValueError(
+                f"history.kernel = {options.kernel!r} follows the current slip, which only exponentials with collocation can: "
+                "take scheme = 'exponential' and solver.method = 'collocation', or kernel = 'basset'"
             )
-            raise ValueError(f"{what}, got {self.horizon:g} (units of d/u*)")
         if self.solver.method == "collocation":
             if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
                 what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
                 raise ValueError(f"history: {what} samples the past at fixed steps: take solver.method = 'fixed_step' with dt, or scheme = 'exponential'")
+            for name in ("order", "rtol"):
+                if getattr(options, name) is not None:
+                    raise ValueError(f"history.{name} belongs to fixed steps: with solver.method = 'collocation' solver.rtol decides, leave it out")
             return
-        if options.kernel != "basset":
-            raise ValueError(f"history.kernel = {options.kernel!r} follows the current slip: take solver.method = 'collocation'")
         if options.window_jumps is not None:
             raise ValueError("history.window_jumps needs solver.method = 'collocation'; fixed steps take history.window in units of d/u*")
-        self.history_rule()
+        self.steps_of(self.horizon)
 
-    def history_rule(self) -> Any:
+    def steps_of(self, horizon: float) -> int:
+        """How many fixed steps a memory holds: with it everything is known that a run will say of scheme, step and memory.
+
+        Parameters
+        ----------
+        horizon : float, d/u*
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        ValueError
+            If scheme, step and memory do not fit.
+        """
+        from basset import BassetKernel
+        from basset.streaming import Plan
+
+        rule = self.history_rule(horizon)
+        try:
+            return Plan.reach(rule, float(self.solver.dt or 0.0), horizon, BassetKernel())[0]
+        except ValueError as error:
+            text = str(error).replace(" seconds", " d/u*").replace(" s ", " d/u* ").replace("basset.Exponential", "scheme = 'exponential'")
+            raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None
+
+    def history_rule(self, horizon: float | None = None) -> Any:
         """The rule of `basset` that a fixed-step scene names.
+
+        Parameters
+        ----------
+        horizon : float, d/u*, or None
+            How far a fitted tail has to reach; None: the scene's own.
 
         Returns
         -------
@@ -489,19 +548,20 @@ class Basis(Table):
         """
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
+        scheme, known = SCHEMES[options.scheme], {"order", "rtol"} if options.scheme == "windowed" else set()
+        for word in given:
+            if word not in known | {field.name for field in dataclasses.fields(scheme)}:
+                raise ValueError(f"history.{word} has no meaning for scheme = {options.scheme!r}")
         try:
             if options.scheme == "windowed":
-                self._window(options, given)
+                self._window(options, given, self.horizon if horizon is None else horizon)
             elif options.scheme == "hinsberg" and given.get("tail", False) is not False:
                 raise ValueError(f"tail must be false for scheme = 'hinsberg', or left out for its own, got {_validate.shown(options.tail)}")
-            return SCHEMES[options.scheme](**given)
-        except TypeError as error:
-            word = str(error).split("'")[1] if "'" in str(error) else str(error)
-            raise ValueError(f"history.{word} has no meaning for scheme = {options.scheme!r}") from None
-        except ValueError as error:
-            raise ValueError(f"history.{error}") from None
+            return scheme(**given)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"history.{str(error).replace(' seconds', ' d/u*')}") from None
 
-    def _window(self, options: Any, given: dict[str, Any]) -> None:
+    def _window(self, options: Any, given: dict[str, Any], horizon: float) -> None:
         """Rule and tail of a windowed scheme from their names."""
         if options.window is None:
             raise ValueError("window is missing: scheme = 'windowed' needs one, in units of d/u*")
@@ -509,29 +569,59 @@ class Basis(Table):
         if name not in SCHEMES or name in ("windowed", "hinsberg", "exponential"):
             known = [name for name in SCHEMES if name not in ("windowed", "hinsberg", "exponential")]
             raise ValueError(f"rule must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
+        if "order" in given and name != "daitche":
+            raise ValueError(f"order has no meaning for rule = {name!r}")
+        if options.tail not in (None, False) and name != "daitche":
+            raise ValueError(f"tail needs rule = 'daitche', whose polynomials fit the sum, got rule = {name!r}: leave the tail out")
         given["rule"] = SCHEMES[name](**{"order": given.pop("order")} if "order" in given else {})
-        given["tail"] = self._tail(options, given.pop("rtol", 1e-6))
+        given["tail"] = self._tail(options, given.pop("rtol", 1e-6), horizon)
 
-    def _tail(self, options: Any, rtol: float) -> Any:
-        from basset import ExponentialSum
-
+    def _tail(self, options: Any, rtol: float, horizon: float) -> Any:
+        if options.rtol is not None and options.tail != "fitted":
+            raise ValueError(f"rtol has no meaning for tail = {_validate.shown(options.tail)}: it is the error of a fitted one")
         if options.tail in (None, False):
             return None
+        from basset import ExponentialSum
+        from basset.quadrature.windowed import whole_steps
+
+        dt = float(self.solver.dt or 0.0)
+        start = whole_steps(options.window, dt) * dt if dt > 0.0 else options.window  # the window in whole steps
         if options.tail == "van_hinsberg":
-            return ExponentialSum.van_hinsberg(options.window)
+            return ExponentialSum.van_hinsberg(start)
         if options.tail != "fitted":
             raise ValueError(f"tail must be 'fitted', 'van_hinsberg' or false, got {_validate.shown(options.tail)}")
-        return ExponentialSum.fit(0.5 * options.window, max(self.horizon, 2.0 * options.window), rtol)
+        return ExponentialSum.fit(0.5 * options.window, max(horizon + dt, 2.0 * options.window), rtol)
 
     @property
     def horizon(self) -> float:
-        """The longest time that is remembered, in units of d/u*."""
+        """The longest time that is remembered, in units of d/u*; a run for jumps that outlasts it widens it, unless it is given."""
         options = self.options("history")
         if options.horizon is not None:
             return float(options.horizon)
         if self.run.duration is not None:
             return 1.01 * self.run.duration / self.numbers.time
         return min(LONGEST, max(1e3, 20.0 * (self.run.jumps or 1)))
+
+    @property
+    def widens(self) -> bool:
+        """Whether nothing jumps but at the start: a memory that is outlasted is then taken over by a longer one."""
+        return self.bed is None and self.cloud is None and self.solver.method == "collocation" and self.options("history").horizon is None
+
+    @property
+    def longest_flight(self) -> float:
+        """A flight this long is taken never to come down, in units of d/u*; infinite without a bed.
+
+        By default more than a grain that leaves the bed at 100 V flies by its weight alone: drag and sinking through it only
+        shorten that.
+        """
+        if self.bed is None:
+            return math.inf
+        if self.run.longest_flight is not None:
+            return float(self.run.longest_flight)
+        n = self.numbers
+        if "weight" not in self.names or n.density_ratio <= 1.0:
+            return PATIENCE
+        return max(PATIENCE, 2.0 * FASTEST * n.shields / n.alpha)
 
 
 TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}
@@ -680,14 +770,20 @@ def read(path: str | Path) -> dict[str, Any]:
     """
     file = Path(path)
     known = shipped()
-    if not file.exists():
+    try:
+        there = file.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        there = False
+    if not there:
         name = file.name.removesuffix(".toml")
         if len(file.parts) > 1 or name not in known:
-            raise SceneError(f"scene {str(path)!r} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
+            raise SceneError(f"scene {_validate.shown(str(path))} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
         file = known[name]
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise SceneError(f"scene {str(path)!r} cannot be read: its tables or lists lie too deep in each other") from None
+    except ValueError as error:  # no TOML, no UTF-8, or an integer of thousands of digits
         raise SceneError(f"scene {str(path)!r} is not valid TOML: {str(error)[0].lower()}{str(error)[1:]}") from None
     except OSError as error:
         raise SceneError(f"scene {str(path)!r} cannot be read: {error.strerror}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -11,25 +12,30 @@ from typing import Any
 
 import numpy as np
 
-from basset.kernels import Floats
+from basset.kernels import BassetKernel, Floats
 from basset.solvers import _march
+from basset.solvers._graded import step_tables
 from saltation import flight
 from saltation._keys import key_of
 from saltation.engine import Engine, Grain
 from saltation.result import Result
-from saltation.scene import AUTO, scene_of
+from saltation.scene import AUTO, LONGEST, scene_of
 from saltation.workers import Here
 
 __all__ = ["run"]
 
 CHUNK = 4096  # steps between two visits of the caller
+STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain lies still
+MOST_KEPT = 2**16  # steps of a path without jumps; of a longer one every second, every fourth, … is kept
+WIDER = 1e3  # so much farther reaches the memory that takes over, where nothing jumps any more
+GROWTH = 64.0  # of a memory that was too short, at most
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {
     flight.JUMPS: ("finished", "all jumps are done"),
     _march.END: ("finished", "the time is over"),
     flight.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
-    flight.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain never comes down"),
-    flight.HORIZON: ("horizon", "the run outlasted history.horizon: set it longer"),
+    flight.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain does not come down in that time"),
+    flight.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
     _march.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
     _march.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
     _march.TOO_MANY: ("failed", "too many steps"),
@@ -84,34 +90,139 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
         from saltation.cloud import run_blocks, run_cloud
 
         return run_cloud(scene, progress, output) if executor is None else run_blocks(scene, executor, progress)
+    seen = 0.0
+
+    def report(share: float) -> None:  # never less than before, also where a run begins anew
+        nonlocal seen
+        seen = max(seen, share)
+        if progress is not None:
+            progress(seen)
+
+    engine = Engine(scene)
+    while True:
+        result = fly(engine, report)
+        horizon = wider(engine, result) if result.status == "horizon" else None
+        if horizon is None:
+            return result
+        engine = Engine(scene, horizon)
+
+
+def wider(engine: Engine, result: Result) -> float | None:
+    """The memory (d/V) with which a run that outlasted it can do its jumps, by the flights seen; None if there is none."""
+    scene, before = engine.scene, engine.horizon
+    given = scene.options("history").horizon
+    most = LONGEST if given is None else given
+    if not before < most:
+        return None
+    jumps = len(result.all_jumps)
+    wanted = 1.25 * before * (scene.run.jumps or 1) / jumps if jumps else math.inf
+    horizon = float(min(most, max(2.0 * before, min(wanted, GROWTH * before))))
+    if scene.solver.method != "collocation":
+        try:
+            scene.steps_of(horizon)
+        except ValueError:
+            return None
+    return horizon
+
+
+def fly(engine: Engine, report: Callable[[float], None]) -> Result:
+    """One grain from its start to the end of the run or of the memory."""
+    scene = engine.scene
     if scene.solver.method != "collocation":
         from saltation.fixed import run_fixed
 
-        return run_fixed(scene, progress)
-    engine = Engine(scene)
+        return run_fixed(engine, report)
     grain = Grain(engine)
     wanted = scene.run.jumps
     rows: list[Floats] = []
-    kept: list[flight.Record] = []
-    recording = scene.run.trajectory
+    trail = Trail(None if scene.bed is not None else MOST_KEPT)
+    heirs = [Heir(engine, grain)] if engine.problem.end < engine.end else []
+    while heirs and heirs[-1].engine.problem.end < engine.end:
+        heirs.append(Heir(heirs[-1].engine, grain))
+    recording = scene.run.trajectory or bool(heirs)
     record = empty_record(CHUNK if recording else 1, engine.tables.count, engine.states)
     while True:
         table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
         grain.flight[flight.DONE] = 0.0
         code, done = grain.fly(record, recording, table)
         rows.append(table[: int(grain.flight[flight.DONE])])
-        if recording and done:
-            kept.append(flight.Record(*(array[:done].copy() for array in record)))
-        if progress is not None:
-            share = grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[_march.TIME] / engine.problem.end
-            progress(min(1.0, float(share)))
-        if code not in (_march.FULL, flight.CROWDED):
+        if scene.run.trajectory and done:
+            trail.add(record, done)
+        for heir in heirs:
+            heir.follow(record, done)
+        report(min(1.0, float(grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[_march.TIME] / engine.end)))
+        if code == _march.END and heirs:
+            grain = heirs.pop(0).take_over(grain)
+        elif code not in (_march.FULL, flight.CROWDED):
             break
-    status, message = STATUS[code]
+    return Result.of(grain.engine, np.concatenate(rows), trail.whole(), *ending(code, grain), grain.spin)
+
+
+def ending(code: int, grain: Grain, otherwise: tuple[str, str] = ("failed", "the flight stopped")) -> tuple[str, str]:
+    """Status and why, from what a flight came back with."""
+    short = grain.flight[flight.SHORT]
+    if code == flight.JUMPS and short >= min(STILL, grain.flight[flight.TAKEN]):
+        code = flight.REST
     if code == flight.REST and abs(grain.flight[flight.U]) > SLIDING:
-        status, message = "creeping", "the grain slides along the bed: impacts follow each other without flight"
-    path = flight.Record(*(np.concatenate(parts) for parts in zip(*kept, strict=True))) if kept else None
-    return Result.of(engine, np.concatenate(rows), path, status, message, grain.spin)
+        return "creeping", "the grain slides along the bed: impacts follow each other without flight"
+    return STATUS.get(code, otherwise)
+
+
+class Heir:
+    """A memory that reaches farther than another and follows what that one remembers, to take over where it ends."""
+
+    def __init__(self, before: Engine, grain: Grain) -> None:
+        self.engine = Engine(before.scene, min(before.scene.horizon, WIDER * before.horizon))
+        self.past = np.repeat(grain.state.jump[:, None], len(self.engine.rates), axis=1)
+        self.known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
+
+    def follow(self, record: flight.Record, done: int) -> None:
+        """What the recorded steps leave in it."""
+        tables, where = self.engine.tables, self.engine.problem.where
+        for h, kind, values in zip(record.size[:done], record.kind[:done], record.values[:done], strict=True):
+            if (h, kind) not in self.known:
+                self.known[h, kind] = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))[1:3]
+            decay, gained = self.known[h, kind]
+            self.past = decay * self.past + values[:, where].T @ gained
+
+    def take_over(self, grain: Grain) -> Grain:
+        """The grain with this memory."""
+        heir, state = Grain(self.engine), grain.state
+        state.jump[:] = 0.0
+        heir.state = state._replace(past=np.ascontiguousarray(self.past))
+        heir.spin, heir.flight, heir.work, heir.values = grain.spin, grain.flight, grain.work, grain.values
+        return heir
+
+
+class Trail:
+    """The recorded steps, thinned where there are more than `most`."""
+
+    def __init__(self, most: int | None) -> None:
+        self.most, self.every, self.seen = most, 1, 0
+        self.parts: list[flight.Record] = []
+        self.last: flight.Record | None = None
+
+    def add(self, record: flight.Record, done: int) -> None:
+        """Keep what was recorded."""
+        first = -self.seen % self.every
+        self.parts.append(flight.Record(*(array[first : done : self.every].copy() for array in record)))
+        self.last = flight.Record(*(array[done - 1 : done].copy() for array in record))
+        self.seen += done
+        if self.most is not None and self.seen > self.most * self.every:
+            self.parts = [flight.Record(*(array[::2].copy() for array in joined(self.parts)))]
+            self.every *= 2
+
+    def whole(self) -> flight.Record | None:
+        """All that is kept, the last step too; None if there is nothing."""
+        if self.last is None:
+            return None
+        left_out = (self.seen - 1) % self.every != 0
+        return joined([*self.parts, self.last] if left_out else self.parts)
+
+
+def joined(parts: list[flight.Record]) -> flight.Record:
+    """Records one after the other."""
+    return flight.Record(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
