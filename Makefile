@@ -14,11 +14,15 @@ BIN := .venv/bin
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[peers]'
 	touch $@
 
-report: .venv/.ready  ## measure and write reports/
-	$(BIN)/python -m bench
-	$(BIN)/python -m reports.build
+LOCAL := reports/local
+report: .venv/.ready  ## short runs, the first page first; what takes longer as committed: into reports/local/
+	rm -rf $(LOCAL)
+	$(BIN)/python -m bench fresnel weights costs trajectory kernels --output $(LOCAL)/data
+	$(BIN)/python -m reports.build --output $(LOCAL)
+	$(BIN)/python -m bench --missing --output $(LOCAL)/data
+	$(BIN)/python -m reports.build --output $(LOCAL)
 
-report-full: .venv/.ready .venv/.peers  ## the same with longer runs and the peers
+report-full: .venv/.ready .venv/.peers  ## everything, with longer runs and the peers: what is committed in reports/
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 

@@ -22,6 +22,7 @@ from saltation import statistics
 from saltation.scene import scene_of
 
 NAME = "scenes"
+FULL_ONLY = "hundreds of flights, a dozen forms of them to compile"
 JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; one that a dear scheme can pay; left out of the means in both
 QUANTITIES = ("height", "length")
 REFERENCE = 1e-10  # rtol of the truth
