@@ -14,7 +14,6 @@ from basset.problems import PROBLEMS
 from basset.quadrature.base import TABLES
 from bench.suites.fresnel import RULES
 
-NAME = "costs"
 CACHED, BUILT, HELD = 2**16, 2**18, 10**7
 MEMORY = """
 import resource, sys, basset

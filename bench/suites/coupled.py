@@ -20,7 +20,6 @@ from basset._compile import compiled
 from basset.kernels import Floats
 from basset.solvers.base import Method, Solution
 
-NAME = "coupled"
 RATE, COEFFICIENT, GRAVITY = 1.0, 0.6, 1.0  # λ (1/s), c (s^(-1/2)), g (m/s²) of the linear problems
 RESTITUTION, IMPACTS = 0.8, 10
 FIRST = 3  # impacts by which orders are measured: coarse grids do not see ten

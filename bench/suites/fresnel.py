@@ -15,7 +15,6 @@ from basset.problems import PROBLEMS, Problem
 from basset.quadrature.base import TABLES
 from bench import published
 
-NAME = "fresnel"
 RULES: dict[str, basset.Rule] = {
     "Euler–Maclaurin": basset.EulerMaclaurin(),
     "Brush": basset.Brush(),

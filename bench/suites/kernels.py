@@ -8,7 +8,6 @@ import numpy as np
 
 import basset
 
-NAME = "kernels"
 SLIP, DIAMETER, VISCOSITY = 0.01, 1.0e-3, 1.0e-6  # m/s, m, m²/s: 2a|u|/ν = 10, as in the thesis
 WINDOW = 0.1  # seconds, arbitrary as in the thesis
 

@@ -12,7 +12,6 @@ from basset import measure
 from basset.problems import PROBLEMS
 from basset.quadrature.base import table
 
-NAME = "trajectory"
 ORDERS = (1, 3, 8)
 
 

@@ -13,7 +13,6 @@ from basset.finite_reynolds import VaryingSlipKernel
 from basset.kernels import Floats
 from bench.suites.kernels import DIAMETER, SLIP, VISCOSITY
 
-NAME = "varying"
 AMPLITUDES, FREQUENCIES = (0.1, 0.25, 0.5, 0.75, 0.9), (0.2, 2.0, 20.0, 200.0)  # of U = U0 (1 + a sin ωt); 1/s
 AMPLITUDE, FREQUENCY = 0.5, 2.0  # where the other one varies
 PERIOD_STEPS, PERIODS, PROMISE = 100, 2, 1e-6

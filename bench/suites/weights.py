@@ -13,7 +13,6 @@ from basset import measure, reference
 from basset.quadrature.base import TABLES
 from bench import published
 
-NAME = "weights"
 ORDERS = (1, 2, 3, 4, 6, 8, 10)
 ARITHMETICS = ("double", "extended", "quad")
 
