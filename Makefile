@@ -26,11 +26,15 @@ $(DEV): $(READY)
 	-$(PIP) --no-build-isolation -e '.[peers]'
 	touch $@
 
-report: $(READY)  ## measure and write reports/
-	$(BIN)/python -m bench
-	$(BIN)/python -m reports.build
+LOCAL := reports/local
+report: $(READY)  ## short runs, the first page first; what takes longer as committed: into reports/local/
+	rm -rf $(LOCAL)
+	$(BIN)/python -m bench fresnel weights costs trajectory kernels --output $(LOCAL)/data
+	$(BIN)/python -m reports.build --output $(LOCAL)
+	$(BIN)/python -m bench --missing --output $(LOCAL)/data
+	$(BIN)/python -m reports.build --output $(LOCAL)
 
-report-full: $(READY) .venv/.peers  ## the same with longer runs and the peers
+report-full: $(READY) .venv/.peers  ## everything, with longer runs and the peers: what is committed in reports/
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
@@ -62,4 +66,4 @@ api: $(DEV)  ## pages of every public docstring in reports/api/, of the modules 
 		$$(PYTHONPATH=.:tests $(BIN)/python -c 'from test_docstrings import MODULES; print(*MODULES)')
 
 clean:
-	rm -rf .venv .venv-latest build reports/api *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-latest build reports/api $(LOCAL) *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import shlex
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,55 +18,70 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from basset import _validate, measure
 from bench import suites
 
-DATA = Path(__file__).resolve().parent.parent / "reports" / "data"
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "reports" / "data"
 
 
-def discover() -> dict[str, ModuleType]:
-    """Every suite by name: each module in bench/suites is one."""
-    modules = (importlib.import_module(f"{suites.__name__}.{found.name}") for found in pkgutil.iter_modules(suites.__path__))
-    return {module.NAME: module for module in modules}
+FOUND = [found.name for found in pkgutil.iter_modules(suites.__path__)]  # imported when they run: some load all of the simulator
 
 
-def question(suite: ModuleType) -> str:
+def suite(name: str) -> ModuleType:
+    """A suite's module."""
+    return importlib.import_module(f"{suites.__name__}.{name}")
+
+
+def question(name: str) -> str:
     """The first line of the suite's docstring."""
-    return (suite.__doc__ or "").strip().splitlines()[0]
+    return (suite(name).__doc__ or "").strip().splitlines()[0]
 
 
-def only_full(suite: ModuleType) -> bool:
-    """Whether the suite is left to --full (or to being named)."""
-    return getattr(suite, "FULL_ONLY", False)
+class Listing(click.Command):
+    """A command whose help lists the suites."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """One line per suite."""
+        lines = (f"{name}: {question(name)}{f' (with --full: {suites.TOO_LONG[name]})' if name in suites.TOO_LONG else ''}" for name in FOUND)
+        formatter.write("\nSuites:\n" + "".join(f"  {line}\n" for line in lines))
 
 
-FOUND = discover()
-LISTING = "\b\nSuites:\n" + "\n".join(f"  {name}: {question(suite)}{' (with --full)' if only_full(suite) else ''}" for name, suite in FOUND.items())
+def commit() -> str:
+    """The commit of the code that measures, marked where files differ from it."""
+    try:
+        command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
 
 
-@click.command(help=f"Measure what accuracy costs in time; all suites unless some are named.\n\n{LISTING}")
+@click.command(cls=Listing, help="Measure what accuracy costs in time; all suites unless some are named.")
 @click.argument("names", nargs=-1, metavar="[SUITE]...")
-@click.option("--full", is_flag=True, help="Longer runs, and the peers.")
+@click.option("--full", is_flag=True, help="Longer runs, all suites, and the peers.")
+@click.option("--missing", is_flag=True, help="Only suites that have no file in the output yet.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=DATA, help="Where the JSON goes.  [default: reports/data]")
-def main(names: tuple[str, ...], full: bool, output: Path) -> None:
-    """Run suites one after the other."""
+def main(names: tuple[str, ...], full: bool, missing: bool, output: Path) -> None:
+    """Run suites one after the other; say which, and how long each took."""
     for name in names:
         if name not in FOUND:
             hint = _validate.suggestion(name, FOUND)
             click.echo(f"suite must be one of {', '.join(FOUND)}, got {name!r}{hint}", err=True)
             sys.exit(2)
-    chosen = list(dict.fromkeys(names)) or [name for name, suite in FOUND.items() if full or not only_full(suite)]
-    command = shlex.join(["python", "-m", "bench", *names, *(["--full"] if full else [])])
-    console = Console(stderr=True)
+    chosen = list(dict.fromkeys(names)) or [name for name in FOUND if full or name not in suites.TOO_LONG]
+    chosen = [name for name in chosen if not (missing and (output / f"{name}.json").exists())]
+    command, state = shlex.join(["python", "-m", "bench", *names, *(["--full"] if full else [])]), commit()
+    console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} suites"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("bench", total=len(chosen))
-        for name in chosen:
+        for place, name in enumerate(chosen, 1):
             progress.update(task, description=name)
+            progress.console.print(f"[{place}/{len(chosen)}] {name}: {question(name)}")
             start = time.perf_counter()
-            result = FOUND[name].run(full)
-            content = {"suite": name, "question": question(FOUND[name]), "full": full, "provenance": measure.provenance(command), **result}
+            result = suite(name).run(full)
+            provenance = measure.provenance(command) | {"commit": state}
+            content = {"suite": name, "question": question(name), "full": full, "provenance": provenance, **result}
             measure.write_json(output / f"{name}.json", content)
             progress.advance(task)
-            if console.is_terminal:
-                progress.console.print(f"{name}: {time.perf_counter() - start:.1f} s")
+            progress.console.print(f"[{place}/{len(chosen)}] {name}: {time.perf_counter() - start:.1f} s")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,17 @@
 """`python -m reports.build`: the pages and figures from the JSON in reports/data. Nothing is timed here.
 
 The prose is in reports/templates; every number in it is computed here. A new page is one more entry in PAGES.
+With `--output` pages go to another folder, and what is in its data/ comes before what is committed.
 """
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
 import statistics
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 import matplotlib as mpl
@@ -15,7 +20,7 @@ from basset._look import LOOK
 from reports import advice, analysis, choosing, figures, flights, grains, memory, saltation, scenes, solver
 from reports.analysis import BASELINES, CACHED, COLD, PUBLISHED, TOLERANCES, Record, seconds, select, short
 from reports.index import index
-from reports.page import HERE, Page, Picture, asked, factor, fill, footer, grouped, load, save, table, write
+from reports.page import HERE, Page, Picture, asked, factor, fill, folder, footer, grouped, into, kept, load, save, table, write
 
 PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
     Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
@@ -291,6 +296,7 @@ PAGES = (
         lead="accuracy_time.png",
         shows="error against time",
         build=quadrature,
+        suites=SUITES,
     ),
     Page(
         name="memory",
@@ -300,6 +306,7 @@ PAGES = (
         lead="memory_costs.png",
         shows="time and bytes against the steps remembered",
         build=memory.memory,
+        suites=memory.SUITES,
     ),
     Page(
         name="advice",
@@ -309,6 +316,7 @@ PAGES = (
         lead="advice_ratios.png",
         shows="time over the fastest, per problem and accuracy",
         build=advice.advice,
+        suites=("advice",),
     ),
     Page(
         name="solver",
@@ -318,6 +326,7 @@ PAGES = (
         lead="solver_orders.png",
         shows="measured orders before and after a jump",
         build=solver.solver,
+        suites=solver.SUITES,
     ),
     Page(
         name="saltation",
@@ -327,6 +336,7 @@ PAGES = (
         lead="saltation_envelope.png",
         shows="height, length and speed among the regressions",
         build=saltation.saltation,
+        suites=saltation.SUITES,
     ),
     Page(
         name="choosing",
@@ -336,6 +346,7 @@ PAGES = (
         lead="choosing_sets.png",
         shows="the change that every set of effects makes",
         build=choosing.choosing,
+        suites=("choosing",),
     ),
     Page(
         name="flights",
@@ -345,6 +356,7 @@ PAGES = (
         lead="flights_accuracy.png",
         shows="error of a jump against its time",
         build=flights.flights,
+        suites=flights.SUITES,
     ),
     Page(
         name="scenes",
@@ -354,6 +366,7 @@ PAGES = (
         lead="scenes_accuracy.png",
         shows="error of the mean jump against time",
         build=scenes.scenes,
+        suites=scenes.SUITES,
     ),
     Page(
         name="grains",
@@ -363,30 +376,56 @@ PAGES = (
         lead="sand_cloud.gif",
         shows="a sand cloud",
         build=grains.grains,
+        suites=("grains",),
     ),
 )
 
 
-def front(data: dict[str, Record]) -> str:
-    """The page reports/README.md."""
+def opened(page: Page, data: dict[str, Record], old: dict[str, Record]) -> str:
+    """A page's sentences to take away, and what it says of data that was not measured with the rest."""
+    said = {name: old[name] for name in page.suites if name in old}
+    return "\n".join([page.opening(data), *([kept(said)] if said else [])])
+
+
+def made(page: Page, data: dict[str, Record], old: dict[str, Record]) -> str:
+    """A page's text, its figures beside it. One that shows nothing but `old` data is the committed page: there is nothing to compute."""
+    said = {name: old[name] for name in page.suites if name in old}
+    if said.keys() != {name for name in page.suites if name in data}:
+        text = page.build(data)
+    else:
+        text = (HERE / page.file).read_text(encoding="utf-8")
+        for name in re.findall(r"\(figures/([^)]+)\)", text):
+            (folder() / "figures").mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(HERE / "figures" / name, folder() / "figures" / name)
+    return text.replace("\n\n", f"\n\n*{kept(said)}*\n\n", 1) if said else text
+
+
+def front(data: dict[str, Record], openings: Sequence[str]) -> str:
+    """The page README.md."""
     parts = ["# Reports", "Everything on one page, with tables that sort: open [index.html](index.html) in a browser; it needs no network."]
     parts += [f"{picture.line} [More]({picture.page}.md).\n\n![{picture.alternative}](figures/{picture.figure}.png)" for picture in PICTURES]
-    for page in PAGES:
-        parts += [f"* [{page.title}]({page.file}): {page.description}", page.opening(data)]
+    for page, opening in zip(PAGES, openings, strict=True):
+        parts += [f"* [{page.title}]({page.file}): {page.description}", opening]
         parts += [f"![{page.shows}](figures/{page.lead})"] if page.lead.split(".")[0] not in [picture.figure for picture in PICTURES] else []
     return "\n\n".join([*parts, footer(data)])
 
 
 @click.command()
-def main() -> None:
-    """Build every page from the JSON in reports/data."""
-    data = load(HERE / "data")
-    with mpl.rc_context(LOOK):
-        pages = {page.file: page.build(data) for page in PAGES}
-    pages |= {"README.md": front(data), "index.html": index(PAGES, list(pages.values()), [page.opening(data) for page in PAGES], footer(data), PICTURES)}
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=HERE, help="Where the pages go.  [default: reports]")
+def main(output: Path) -> None:
+    """Build every page from the JSON in OUTPUT/data, and from that in reports/data what is missing there."""
+    output = output.resolve()
+    data = load(output / "data")
+    old = {name: content for name, content in load(HERE / "data").items() if name not in data}
+    data |= old
+    with mpl.rc_context(LOOK), into(output):
+        pages = {page.file: made(page, data, old) for page in PAGES}
+        openings = [opened(page, data, old) for page in PAGES]
+        pages |= {"README.md": front(data, openings), "index.html": index(PAGES, list(pages.values()), openings, footer(data), PICTURES)}
     for name, text in pages.items():
-        write(HERE / name, text)
-    print(f"wrote {', '.join(f'reports/{name}' for name in pages)}")
+        write(output / name, text)
+    print(f"{PAGES[0].title}: {os.path.relpath(output / PAGES[0].file)}")
+    print(f"All pages in one, for a browser: {os.path.relpath(output / 'index.html')}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pandas as pd
 
 from reports import grains_figures as figures
 from reports.analysis import Record, Target, seconds
-from reports.page import HERE, asked, factor, fill, footer, grouped, save, table
+from reports.page import asked, factor, fill, folder, footer, grouped, save, table
 from saltation import animation, cloud_plots
 from saltation.cloud_result import CloudResult, encounter_table, path_dataset
 from saltation.encounters import COLUMNS
@@ -255,7 +255,7 @@ def grains(data: dict[str, Record]) -> str:
     """The page reports/grains.md."""
     found = data["grains"]
     study, own = found["study"], picture(found)
-    animation.animate(own, HERE / "figures" / "sand_cloud.gif", frames=80)
+    animation.animate(own, folder() / "figures" / "sand_cloud.gif", frames=80)
     plots = {
         name: save(cloud_plots.CLOUD_PLOTS[name](own), f"grains_{name}")
         for name in ("three_dimensional", "plan", "pair", "snapshots", "grain_history", "profiles")

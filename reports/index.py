@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from PIL import Image
 
-from reports.page import HERE, Page, Picture, fill, template
+from reports.page import Page, Picture, fill, folder, template
 
 BLANKS = re.compile(  # inside quantities, where no line may break: digits, units, uncertainties, symbols before their values
     r"(?<=\d) (?=\d{3}(?!\d)|[×%]|(?:ns|µs|ms|s|[kMG]?B|mm|m|d)\b)| (?=± )|(?<=±) |(?:(?<=\b[^\W\d])|(?<=_[^\W\d])) (?=[-−+]?\d)"
@@ -135,7 +135,7 @@ def place(target: str, file: str, pages: Sequence[Page]) -> str | None:
     named = next((page for page in pages if page.file == (parts.path or file)), None)
     if named:
         return f"#{named.name}-{parts.fragment}" if parts.fragment else f"#{named.name}"
-    if not (HERE / parts.path).exists():
+    if not (folder() / parts.path).exists():
         raise ValueError(f"reports/{file} links to {target}, which is neither a page nor a file beside it")
     return None
 
@@ -216,7 +216,7 @@ def figures(tokens: Sequence[Token]) -> list[Token]:
             del kept[-3:]
         elif [inner.type for inner in line.children or []] == ["image"]:
             image = (line.children or [])[0]
-            kept[-3:] = [Token("html_block", "", 0, content=f"<figure>{shown(HERE / str(image.attrGet('src')), plain(image))}</figure>\n")]
+            kept[-3:] = [Token("html_block", "", 0, content=f"<figure>{shown(folder() / str(image.attrGet('src')), plain(image))}</figure>\n")]
     return kept
 
 
@@ -238,7 +238,7 @@ def anchor(name: str, title: str) -> str:
 
 def pictured(picture: Picture) -> str:
     """A picture of the front page, which leads to its page."""
-    image = shown(HERE / "figures" / f"{picture.figure}.png", picture.alternative, still=True)
+    image = shown(folder() / "figures" / f"{picture.figure}.png", picture.alternative, still=True)
     return f"<a href='#{picture.page}'><figure>{image}<figcaption>{escape(picture.line)}</figcaption></figure></a>"
 
 

@@ -10,7 +10,7 @@ from reports import memory_figures as figures
 from reports.analysis import Record, Target, select, short
 from reports.page import asked, factor, fill, footer, grouped, save, table
 
-SUITES = ("exponentials", "stream", "window", "kernels")
+SUITES = ("exponentials", "stream", "window", "varying")
 FULL, HEADLINE = "full history", "Exponential(3, 1e-6)"
 PUBLISHED = ("van Hinsberg", "Casas I2t", "Casas I1")
 SAVINGS = (0.7, 0.9)  # the thesis's claim
@@ -268,7 +268,7 @@ def opening(data: dict[str, Record]) -> str:
 
 def memory(data: dict[str, Record]) -> str:
     """The page reports/memory.md."""
-    sums, stream, window, varying = (data["exponentials"], data["stream"], data["window"], data["kernels"]["varying"])
+    sums, stream, window, varying = (data[name] for name in SUITES)
     head, second = stream["headline"], stream["second"]
     rows = targets(data)
     base = next(r for r in varying["records"] if (r["amplitude"], r["frequency"]) == (0.5, 2.0))
@@ -311,8 +311,8 @@ def memory(data: dict[str, Record]) -> str:
         relaxation=window["saltation"]["relaxation"],
         jumps=jump_costs(window["saltation"]),
         figure_varying=save(figures.varying(varying), "slip_varying"),
-        slip=f"{100 * data['kernels']['slip']:g}",
-        diameter=f"{1000 * data['kernels']['diameter']:g}",
+        slip=f"{100 * varying['slip']:g}",
+        diameter=f"{1000 * varying['diameter']:g}",
         time_scale=f"{varying['time_scale']:.2g}",
         base_tau=f"{base['differences']['slip at τ']:.0%}",
         base_clock=f"{base['differences']['inner clock']:.0%}",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,23 @@ import matplotlib as mpl
 from reports import figures
 from reports.analysis import Record, Target
 
-HERE = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parent  # the committed pages, and what they are made from
+_FOLDER: ContextVar[Path] = ContextVar("folder of the pages", default=HERE)
+
+
+@contextmanager
+def into(folder: Path) -> Iterator[None]:
+    """Pages and figures are made in that folder."""
+    token = _FOLDER.set(folder)
+    try:
+        yield
+    finally:
+        _FOLDER.reset(token)
+
+
+def folder() -> Path:
+    """Where pages are being made, their figures in figures/."""
+    return _FOLDER.get()
 
 
 @dataclass(frozen=True)
@@ -27,6 +45,7 @@ class Page:
     lead: str  # the figure that stands for it, a file in reports/figures
     shows: str  # what that figure shows
     build: Callable[[dict[str, Record]], str]
+    suites: tuple[str, ...]  # whose data it shows
 
     @property
     def file(self) -> str:
@@ -48,9 +67,9 @@ class Picture:
         return self.line.split(":")[0]
 
 
-def load(folder: Path) -> dict[str, Record]:
+def load(data: Path) -> dict[str, Record]:
     """Every suite's JSON by name."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(data.glob("*.json"))}
 
 
 def template(name: str) -> str:
@@ -92,17 +111,25 @@ def asked(targets: Sequence[Target]) -> str:
 
 def save(figure: Any, name: str) -> str:
     """The figure's files, and the Markdown that shows it."""
-    return figures.save(figure, HERE / "figures", name)
+    return figures.save(figure, folder() / "figures", name)
+
+
+def alike(data: dict[str, Record], form: str) -> dict[str, list[str]]:
+    """What `form` makes of the provenance of suites, with the names of those for which it is the same."""
+    found: dict[str, list[str]] = {}
+    for name, content in data.items():
+        found.setdefault(form.format(**content["provenance"]), []).append(name)
+    return found
 
 
 def footer(data: dict[str, Record]) -> str:
-    """Who measured: one line per command and machine."""
-    lines: dict[str, list[str]] = {}
-    for name, content in data.items():
-        found = content["provenance"]
-        lines.setdefault(f"`{found['command']}`, {found['date']}, {found['processor']}, one thread, {found['versions']}", []).append(name)
+    """Who measured: one line per command, commit and machine."""
+    lines = alike(data, "`{command}`, {date}, commit {commit}, {processor}, one thread, {versions}")
     measured = "\n".join(f"* {', '.join(names)}: {line}" for line, names in lines.items())
-    return (
-        f"---\n\nMade by `make report` (`python -m bench`, then `python -m reports.build`; matplotlib {mpl.__version__}) "
-        f"from [data/](data/), measured by:\n\n{measured}"
-    )
+    return f"---\n\nMade by `python -m reports.build` (matplotlib {mpl.__version__}) from [data/](data/), measured by:\n\n{measured}"
+
+
+def kept(data: dict[str, Record]) -> str:
+    """What a page says of suites that were not measured with the others: when, where and on which code they were."""
+    lines = alike(data, "measured on {date} at commit {commit}, {processor} (`{command}`)")
+    return "Kept as committed, not measured here: " + "; ".join(f"{', '.join(names)}, {line}" for line, names in lines.items()) + "."

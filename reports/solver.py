@@ -137,7 +137,7 @@ def race(data: Record) -> dict[str, Any]:
         fits[name] |= {"measured": last["seconds"]}
     best = min(fits, key=lambda name: fits[name]["seconds"])
     second = [r for name in fits for r in select(rows, scheme=name) if r["seconds"] <= 1.5 and r.get("error_first")]
-    least = min(second, key=lambda r: r["error_first"])
+    least = min(second, key=lambda r: r["error_first"], default=None)
     longest = max(rows, key=lambda r: r["seconds"])
     return {"own": own, "fits": fits, "best": best, "ratio": fits[best]["seconds"] / own["seconds"], "second": least, "longest": longest}
 
@@ -349,7 +349,7 @@ def solver(data: dict[str, Record]) -> str:
         race=race_table(found),
         target=short(found["race"]["target"]),
         ratio=factor(contest["ratio"]),
-        second=f"{second['scheme']}, {grouped(second['n'])} steps, {seconds(second['seconds'])}: {short(second['error_first'], 1)}",
+        second=f"{second['scheme']}, {grouped(second['n'])} steps, {seconds(second['seconds'])}: {short(second['error_first'], 1)}" if second else "none",
         longest=seconds(contest["longest"]["seconds"]),
         figure_tolerance=save(figures.tolerance(found["records"]), "solver_tolerance"),
         kept=kept_table(found),

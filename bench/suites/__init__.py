@@ -1,1 +1,14 @@
-"""One question per file. A file here is a suite: its first line asks, `run(full)` answers with a dict for JSON."""
+"""One question per file. A file here is a suite: its first line asks, `run(full)` answers with a dict for JSON.
+
+Unless in full it takes seconds, a minute at most with what it has to compile. `make report` shows the committed data of those that cannot:
+"""
+
+TOO_LONG = {
+    "advice": "thousands of timed rivals",
+    "choosing": "32 sets of effects to compile",
+    "flights": "a dozen forms of flight to compile",
+    "grains": "clouds of ten thousand grains, and a campaign",
+    "peers": "other packages",
+    "saltation": "some thirty forms of flight to compile",
+    "scenes": "hundreds of flights, and a dozen forms of them to compile",
+}

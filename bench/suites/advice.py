@@ -18,7 +18,6 @@ from basset.problems import PROBLEMS
 from basset.quadrature.base import TABLES
 from bench.grains import rounded
 
-NAME = "advice"
 ERRORS = (1e-3, 1e-6, 1e-9)
 GIVEN = 1.0 / 12.0  # the step where it is given, in time scales
 SAMPLED = 1.0 / 8.0  # the step of samples that stand for a problem, in its time scales

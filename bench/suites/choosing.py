@@ -14,8 +14,6 @@ from bench.grains import rounded
 from saltation import advice
 from saltation.scene import SceneError
 
-NAME = "choosing"
-FULL_ONLY = True  # 32 sets of effects to compile
 SCENES = ("sand", "sand_coarse", "gravel")
 ALWAYS = ("weight", "drag")  # without either no run finishes
 SEED = 101  # of the truth: none that a choice has seen

@@ -12,7 +12,6 @@ import basset
 from basset import ExponentialSum, exponentials, measure, reference
 from basset.kernels import Floats
 
-NAME = "exponentials"
 RATIOS = (1e2, 1e3, 3e4, 1e6, 1e9)  # far/near
 PROMISES = tuple(10.0**-k for k in range(2, 13))
 USED = 1e3  # the published sets are judged on window … USED × window

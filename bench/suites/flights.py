@@ -26,7 +26,6 @@ from saltation.engine import Engine, Grain
 from saltation.scene import scene_of
 from saltation.simulation import empty_record
 
-NAME = "flights"
 RTOL = 1e-5  # of what a jump may cost
 JUMPS = 400  # timed
 SIDE_BY_SIDE = 200  # timed beside the loop written by hand: short enough that some round is not disturbed

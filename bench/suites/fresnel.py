@@ -15,7 +15,6 @@ from basset.problems import PROBLEMS, Problem
 from basset.quadrature.base import TABLES
 from bench import published
 
-NAME = "fresnel"
 RULES: dict[str, basset.Rule] = {
     "Euler–Maclaurin": basset.EulerMaclaurin(),
     "Brush": basset.Brush(),
@@ -33,23 +32,21 @@ PUBLISHED: dict[str, Callable[[int], Any]] = {
     "Daitche(2)": lambda n: published.daitche(2, n, "quad"),
     "Daitche(3)": lambda n: published.daitche(3, n, "quad"),
 }
-SMALLEST, LARGEST = 5, 20  # exponents of 2
-TIMED = 2**17  # beyond, unless in full, only the error at the end is asked
+SMALLEST, LARGEST, SHORT = 5, 20, 17  # exponents of 2, the last one unless in full
 
 
-def errors(problem: Problem, n: int, path: bool) -> dict[str, dict[str, float]]:
-    """Absolute error of every rule at the end and, if asked, its maximum over the second half of the path."""
+def errors(problem: Problem, n: int) -> dict[str, dict[str, float]]:
+    """Absolute error of every rule at the end, and its maximum over the second half of the path."""
     arguments = problem.arguments(n)
     t, _ = problem.grid(n)
     truth = float(problem.exact_digits(problem.end, 30))
-    exact = problem.exact(t[n // 2 :]) if path else None
+    exact = problem.exact(t[n // 2 :])
     found = {}
     for name, rule in RULES.items():
         found[name] = {"end": float("nan"), "max": float("nan")}
         with contextlib.suppress(ValueError, TypeError, MemoryError):  # a failure is a row without numbers
             found[name]["end"] = abs(basset.integrate(**arguments, rule=rule) - truth)
-            if path:
-                found[name]["max"] = np.abs(basset.cumulate(**arguments, rule=rule)[n // 2 :] - exact).max()
+            found[name]["max"] = np.abs(basset.cumulate(**arguments, rule=rule)[n // 2 :] - exact).max()
     return found
 
 
@@ -62,11 +59,12 @@ def _as_published(build: Callable[[int], Any], g: Any, dt: float) -> Any:
     return np.sqrt(dt) * np.dot(build(len(g) - 1), g[::-1])
 
 
-def times(sizes: list[int], patience: float) -> dict[str, dict[tuple[str, int], float]]:
+def times(sizes: list[int], full: bool) -> dict[str, dict[tuple[str, int], float]]:
     """Seconds per value: clock -> (rule, n) -> seconds. All rules and all n take turns: a slow moment of the machine hits none alone.
 
-    A published build is left out from the first n on that takes longer than about `patience`.
+    A published build is left out from the first n on that takes longer than about half of `patience`.
     """
+    patience = 1.0 if full else 0.2
     arguments = {n: PROBLEMS["fresnel"].arguments(n) for n in sizes}
     pairs = [(name, n) for n in sizes for name in RULES]
     cached = {(name, n): lambda name=name, n=n: basset.integrate(**arguments[n], rule=RULES[name]) for name, n in pairs}
@@ -80,9 +78,9 @@ def times(sizes: list[int], patience: float) -> dict[str, dict[tuple[str, int], 
             if time.perf_counter() - start > patience / 2.0:
                 break
     return {
-        "cached": measure.interleaved(cached, rounds=30, seconds=0.0005),
-        "cold": measure.interleaved(cold, rounds=15, seconds=0.0),
-        "cold, as published": measure.interleaved(built, rounds=6, seconds=0.0003, patience=patience / 4.0),
+        "cached": measure.interleaved(cached, rounds=30 if full else 10, seconds=0.0005),
+        "cold": measure.interleaved(cold, rounds=15 if full else 4, seconds=0.0),
+        "cold, as published": measure.interleaved(built, rounds=6 if full else 3, seconds=0.0003, patience=patience / 4.0),
     }
 
 
@@ -90,17 +88,16 @@ def run(full: bool) -> dict[str, Any]:
     """Work–precision records of every rule, at t = 50π and 50π + 1, under three clocks."""
     problems = [PROBLEMS["fresnel"], PROBLEMS["fresnel_generic"]]
     records: list[dict[str, Any]] = []
-    sizes = [2**exponent for exponent in range(SMALLEST, LARGEST + 1)]
-    timed = [n for n in sizes if full or n <= TIMED]
-    clocks = times(timed, 1.0 if full else 0.5)
+    sizes = [2**exponent for exponent in range(SMALLEST, (LARGEST if full else SHORT) + 1)]
+    clocks = times(sizes, full)
     for n in sizes:
         for problem in problems:
-            found = errors(problem, n, path=n in timed)
+            found = errors(problem, n)
             arguments = problem.arguments(n)
             truth = float(problem.exact_digits(problem.end, 30))
             for clock, seconds in clocks.items():
                 for name, rule in RULES.items():
-                    if (name, n) not in seconds and (clock != "cached" or n in timed):
+                    if (name, n) not in seconds:
                         continue
                     end, largest = found[name]["end"], found[name]["max"]
                     if clock == "cold, as published":  # its own rounding counts

@@ -22,7 +22,6 @@ from saltation.engine import Engine, Grain, Start
 from saltation.scene import read, scene_of, shipped
 from saltation.simulation import empty_record
 
-NAME = "grains"
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
 CONCENTRATIONS = (0.0013, 0.0233)

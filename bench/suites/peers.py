@@ -20,8 +20,6 @@ from basset import measure
 from basset.problems import PROBLEMS
 from basset.quadrature.base import TABLES
 
-NAME = "peers"
-FULL_ONLY = True
 PROBLEM = PROBLEMS["fresnel_generic"]
 END = PROBLEM.end
 ROOT_PI = math.sqrt(math.pi)  # Γ(1/2): the Caputo derivative of order 1/2 times this is the smooth part of H

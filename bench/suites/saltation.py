@@ -14,7 +14,6 @@ from bench.grains import QUANTITIES, Task, base, changed, rounded
 from saltation import campaigns, regressions, statistics
 from saltation.scene import scene_of
 
-NAME = "saltation"
 COUNTED, COUNTED_SHORT = 600, 200  # jumps per run
 SCENES = {73: "sand", 250: "sand_coarse"}
 STAGES = {73: (1.79, 1.87, 2.43, 2.50, 2.67), 250: (2.31, 3.08, 3.85)}

@@ -21,7 +21,6 @@ from bench.grains import at_fixed_steps, base, changed
 from saltation import statistics
 from saltation.scene import scene_of
 
-NAME = "scenes"
 JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; one that a dear scheme can pay; left out of the means in both
 QUANTITIES = ("height", "length")
 REFERENCE = 1e-10  # rtol of the truth

@@ -18,7 +18,6 @@ from basset.kernels import Floats
 from basset.problems import PROBLEMS
 from basset.quadrature.base import TABLES
 
-NAME = "stream"
 STEP = 0.01  # seconds; the rate is cos τ + 1/10, so that H holds an oscillation and a growing mean
 WINDOW = 1.0  # seconds: 100 steps
 FULL, BARE, PUBLISHED, TAIL = "full history", "window, no tail", "Hinsberg, published tail", "window, tail 1e-6"

@@ -12,7 +12,6 @@ from basset import measure
 from basset.problems import PROBLEMS
 from basset.quadrature.base import table
 
-NAME = "trajectory"
 ORDERS = (1, 3, 8)
 
 
@@ -34,8 +33,8 @@ def run(full: bool) -> dict[str, Any]:
     """
     problem = PROBLEMS["fresnel_generic"]
     records, ratios = [], []
-    summed_to = 2**16 if full else 2**13
-    for n in 2 ** np.arange(8, 17):
+    summed_to, rounds = (2**16, 7) if full else (2**12, 3)
+    for n in 2 ** np.arange(8, 17, 1 if full else 2):
         arguments = problem.arguments(n)
         g, dt = arguments["g"], arguments["dt"]
         exact = problem.exact(problem.grid(n)[0])
@@ -47,7 +46,7 @@ def run(full: bool) -> dict[str, Any]:
                 "fftconvolve": lambda g=g, kept=kept: scipy.signal.fftconvolve(g, kept),
             }
             found = {"fft": contenders["fft"]()}
-            times = measure.interleaved(contenders, rounds=7, seconds=0.01)
+            times = measure.interleaved(contenders, rounds=rounds, seconds=0.01)
             ratios.append({"order": p, "n": n, "cumulate": times["fft"], "fftconvolve": times["fftconvolve"]})
             if n <= summed_to:
                 found["direct"] = direct(g, dt, rule)

@@ -13,7 +13,6 @@ from basset import measure, reference
 from basset.quadrature.base import TABLES
 from bench import published
 
-NAME = "weights"
 ORDERS = (1, 2, 3, 4, 6, 8, 10)
 ARITHMETICS = ("double", "extended", "quad")
 
@@ -28,9 +27,9 @@ def _error(computed: Any, exact: list[Any], lags: Any) -> np.ndarray[Any, Any]:
 def accuracy(full: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Errors at log-uniform lags (one record per builder and lag), and the worst of ours by region."""
     largest = 10**7 if full else 10**6
-    dense = 200 if full else 64
+    dense = 200 if full else 32
     n = largest + 100
-    lags = np.unique(np.round(np.logspace(1, np.log10(largest), 37 if full else 31)).astype(int))
+    lags = np.unique(np.round(np.logspace(1, np.log10(largest), 37 if full else 16)).astype(int))
     records, worst = [], []
     for p in ORDERS:
         exact = reference.product_weights(n, lags, p)
@@ -64,8 +63,8 @@ def _ours(p: int, n: int) -> None:
 
 
 def building(full: bool) -> list[dict[str, Any]]:
-    """Seconds to build n weights, all builders and lengths taking turns; quadruple precision up to about a second."""
-    patience = 1.0 if full else 0.5
+    """Seconds to build n weights, all builders and lengths taking turns; quadruple precision up to about half of `patience`."""
+    patience, rounds = (1.0, 6) if full else (0.2, 2)
     builders: dict[str, Callable[[int], Any]] = {
         **{f"ours, p = {p}": lambda n, p=p: _ours(p, n) for p in (1, 3, 8)},
         **{f"published double, p = {p}": lambda n, p=p: published.daitche(p, n) for p in (1, 3)},
@@ -80,7 +79,7 @@ def building(full: bool) -> list[dict[str, Any]]:
             calls[name, int(n)] = lambda build=build, n=n: build(int(n))
             if time.perf_counter() - start > patience / 2.0:
                 break
-    times = measure.interleaved(calls, rounds=6, seconds=0.0, patience=patience / 2.0)
+    times = measure.interleaved(calls, rounds=rounds, seconds=0.0, patience=patience / 2.0)
     return [{"builder": name, "n": n, "seconds": seconds} for (name, n), seconds in times.items()]
 
 

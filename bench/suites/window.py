@@ -14,7 +14,6 @@ from basset import ExponentialSum, measure
 from basset.kernels import Floats
 from basset.problems import PROBLEMS
 
-NAME = "window"
 Contenders = dict[tuple[str, int, float], tuple[basset.Rule, Callable[[], Floats]]]  # (scheme, order, share) -> (rule, H at every node)
 SHARES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.163, 0.3, 0.5, 0.8)  # window over the length of the run
 HOPPING = (0.01, 0.05, 0.1, 0.3, 0.5)  # the same where there are jumps

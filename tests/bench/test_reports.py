@@ -1,6 +1,14 @@
 """The pages: what the analysis makes of records."""
 
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
 from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
 
 from reports import analysis, build
 
@@ -27,11 +35,53 @@ def test_small_numbers_are_short():
     assert analysis.short(2.54e-10, 1) == "2.5e-10"
 
 
-def test_pages_need_no_peers_and_time_nothing(tmp_path, monkeypatch):
+def test_what_needs_peers_does_without():
     data = build.load(ROOT / "reports" / "data")
-    data.pop("peers", None)
-    monkeypatch.setattr(build, "save", lambda figure, name: build.figures.save(figure, tmp_path, name))
-    page = build.quadrature(data)
-    assert "make report-full" in page
-    assert page.rstrip().splitlines()[-1].startswith("* ")
-    assert {path.suffix for path in tmp_path.iterdir()} == {".svg", ".png"}
+    del data["peers"]
+    assert "make report-full" in build.peers(data)
+    assert not [target.what for target in analysis.targets(data) if "peer" in target.what]
+    assert build.opening(data)
+
+
+@pytest.fixture
+def two_pages(monkeypatch):
+    """The command with one page to measure, one that is too long for that, and one of both; the records of all suites."""
+    pages = [page for page in build.PAGES if page.name in ("advice", "choosing")]
+    both = replace(pages[0], name="both", suites=("advice", "choosing"), build=lambda data: f"# Both\n\n{len(data['advice']['rows'])} rows\n\nend")
+    monkeypatch.setattr(build, "PAGES", (*pages, both))
+    monkeypatch.setattr(build, "PICTURES", (build.Picture("advice_ratios", "advice", "Times: over the fastest."),))
+    return build.load(ROOT / "reports" / "data")
+
+
+def test_what_was_measured_here_comes_before_what_is_committed_which_says_when_and_where(tmp_path, two_pages):
+    own = two_pages["advice"] | {"provenance": two_pages["advice"]["provenance"] | {"date": "2031-01-02", "commit": "fedc321", "processor": "Z80"}}
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "advice.json").write_text(json.dumps(own | {"rows": own["rows"][:-12]}), encoding="utf-8")
+    committed = {path: path.stat().st_mtime_ns for path in (ROOT / "reports").glob("*.*")}
+    result = CliRunner().invoke(build.main, ["--output", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    first, last = result.output.splitlines()
+    assert [Path(line.split(": ")[1]).resolve() for line in (first, last)] == [(tmp_path / name).resolve() for name in ("advice.md", "index.html")]
+
+    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in ("advice.md", "choosing.md", "both.md", "README.md", "index.html")}
+    found = two_pages["choosing"]["provenance"]
+    note = (
+        f"Kept as committed, not measured here: choosing, measured on {found['date']} at commit {found['commit']}, {found['processor']} (`{found['command']}`)."
+    )
+    assert {name: note in text for name, text in texts.items()} == {name: name not in ("advice.md", "index.html") for name in texts}
+    assert "commit fedc321, Z80" in texts["advice.md"] and "Kept" not in texts["advice.md"]
+    assert f"{len(own['rows']) - 12} rows" in texts["both.md"]
+    assert texts["choosing.md"].replace(f"*{note}*\n\n", "") == (ROOT / "reports" / "choosing.md").read_text(encoding="utf-8")
+    assert texts["index.html"].count("Kept as committed") == 4  # two pages and their summaries
+    for text in texts.values():
+        assert [name for name in re.findall(r"\(figures/([^)]+)\)", text) if not (tmp_path / "figures" / name).exists()] == []
+    assert committed == {path: path.stat().st_mtime_ns for path in (ROOT / "reports").glob("*.*")}
+
+
+def test_a_clone_stays_clean():
+    if not (shutil.which("make") and shutil.which("git") and (ROOT / ".git").exists()):
+        pytest.skip("needs make, git and a clone")
+    told = subprocess.run(["make", "-n", "report"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    writers = [line for line in told.splitlines() if re.search(r"-m (bench|reports)", line)]
+    assert len(writers) > 1 and all(re.search(r"--output reports/local(/data)?$", line) for line in writers)
+    subprocess.run(["git", "check-ignore", "-q", "reports/local/data/fresnel.json"], cwd=ROOT, check=True)

@@ -24,6 +24,9 @@ def test_an_extrapolation_is_never_slower_than_first_order():
     found = solver.race({"race": {"target": 1e-6, "records": records}})
     assert found["fits"]["Daitche(1)"]["order"] < 1.0
     assert found["ratio"] == pytest.approx(2.0 * 1.5e4 / 0.1)
+    assert found["second"]["n"] == 100
+    slow = [r | {"seconds": 10.0 * r["seconds"]} for r in records]
+    assert solver.race({"race": {"target": 1e-6, "records": slow}})["second"] is None  # none within 1.5 s
 
 
 @pytest.mark.parametrize("case", coupled.cases(), ids=lambda case: case.name)
