@@ -27,7 +27,7 @@ from rich.table import Table
 
 import saltation
 from basset import __version__, _validate
-from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset._command import Group, Mistake, check_output, console, draw, mistakes_of_files, progress
 from saltation import advice, advice_plots, campaigns, checks, grains, statistics
 from saltation._files import write
 from saltation.result import UNITS, Result
@@ -44,7 +44,7 @@ OWN = {  # what the thesis's runs differ in
 }
 
 
-class Commands(click.Group):
+class Commands(Group):
     """The group; a bad scene is a mistake wherever it is met."""
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -686,7 +686,7 @@ def read(path: str | Path) -> dict[str, Any]:
             raise SceneError(f"scene {str(path)!r} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
         file = known[name]
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"scene {str(path)!r} is not valid TOML: {str(error)[0].lower()}{str(error)[1:]}") from None
     except OSError as error:
