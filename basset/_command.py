@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
+import io
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import click
 
-from basset._files import replacing
+from basset._files import is_stream, replacing
 
 if TYPE_CHECKING:  # loaded where something is shown
     from rich.console import Console
@@ -27,6 +30,26 @@ class Mistake(click.ClickException):
     def show(self, file: IO[Any] | None = None) -> None:
         """The sentence, without the ornaments of a usage error."""
         click.echo(self.format_message(), err=True, file=file)
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    """A letter that an encoding lacks, by its number as JSON and TOML write it."""
+    assert isinstance(error, UnicodeEncodeError)
+    return "".join(f"\\u{ord(letter):04x}" for letter in error.object[error.start : error.end]), error.end
+
+
+codecs.register_error("basset.escaped", _escaped)
+
+
+class Group(click.Group):
+    """A group whose words are printed wherever they go: what an output's encoding lacks is escaped."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse and run."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+                stream.reconfigure(errors="basset.escaped")
+        return super().main(*args, **kwargs)
 
 
 def console(error: bool = False) -> Console:
@@ -61,10 +84,15 @@ def check_output(path: Path, force: bool) -> None:
     """Refuse before anything is computed."""
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
-    if not path.parent.is_dir():
-        raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
-    if not os.access(path.parent, os.W_OK):
-        raise Mistake(f"--output: the folder {str(path.parent)!r} cannot be written to")
+    if is_stream(path):
+        if not os.access(path, os.W_OK):
+            raise Mistake(f"--output: {str(path)!r} cannot be written to")
+        return
+    folder = Path(os.path.realpath(path)).parent if path.is_symlink() else path.parent
+    if not folder.is_dir():
+        raise Mistake(f"--output: the folder {str(folder)!r} does not exist")
+    if not os.access(folder, os.W_OK):
+        raise Mistake(f"--output: the folder {str(folder)!r} cannot be written to")
     if path.exists() and not force:
         raise Mistake(f"--output: {str(path)!r} exists already; --force overwrites it")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,24 +15,54 @@ from pathlib import Path
 def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name of a temporary file beside `path` that takes its place when all went well; else nothing is left behind.
 
+    A link is followed, a file that was there passes its mode on, and a new one's follows the umask; a device or a pipe is written to.
+
     Raises
     ------
     OSError
         If the folder does not exist or cannot be written.
     """
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    os.close(handle)
+    if is_stream(path):
+        with tempfile.TemporaryDirectory() as folder:
+            name = os.path.join(folder, "written")
+            yield name
+            with open(name, "rb") as source, open(path, "ab") as sink:
+                shutil.copyfileobj(source, sink)
+        return
+    target = Path(os.path.realpath(path))
+    name = str(target.with_name(f".{target.name}.{secrets.token_hex(4)}"))
+    os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
         yield name
-        os.chmod(name, 0o644)
+        if target.exists():
+            shutil.copymode(target, name)
+        _kept(name)
         os.replace(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+    with contextlib.suppress(OSError):  # not every system can do so with folders
+        _kept(target.parent)
+
+
+def is_stream(path: str | os.PathLike[str]) -> bool:
+    """Whether `path` is a device, a pipe or an open file (/dev/stdout): nothing that another file can replace."""
+    if not os.path.exists(path) or os.path.isdir(path):
+        return False
+    opened = os.path.islink(path) and os.path.abspath(path).startswith(("/dev/", "/proc/"))
+    return opened or not os.path.isfile(path)
 
 
 def write(path: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with replacing(path) as name:
         Path(name).write_text(text, encoding="utf-8")
+
+
+def _kept(path: str | os.PathLike[str]) -> None:
+    """Have the system write a file or a folder's names to the disk: a rename alone does not outlast a power failure."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -16,7 +16,7 @@ import click
 
 import basset
 from basset import __version__
-from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset._command import Group, Mistake, check_output, console, draw, mistakes_of_files, progress
 from basset._files import write
 from basset._lazy import Later
 
@@ -34,10 +34,14 @@ SHOWN = 12  # candidates in a table
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
+SCENES = (
+    "in a scene with fixed steps, times in the unit of dt; the error is that of given samples, not of a scene's grains: at a takeoff the slip "
+    "begins like √t, and jumps differ by far more:"
+)
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
 
 
-class Commands(click.Group):
+class Commands(Group):
     """The group; what the library refuses is a mistake wherever it is met."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -112,7 +116,7 @@ def advise(file: Path | None, kind: str, sample_step: float | None, variable: st
         out.print(f"\ntime scale of the samples: {found.time_scale:.3g} s")
     out.print(f"\ntake, with dt = {best.dt:.6g} s:\n{best.code}", soft_wrap=True)
     if options["use"] == "stream" and isinstance(kernel, basset.BassetKernel):
-        out.print(f"\nin a scene with fixed steps, times in the unit of dt:\n\\[history]\n{best.toml}".replace("\\[", "["), soft_wrap=True)
+        out.print(f"\n{SCENES}\n[history]\n{best.toml}", soft_wrap=True)
 
 
 def ranking(found: Advice) -> Table:
@@ -180,7 +184,7 @@ def subject_of(name: str, kind: str, step: float | None, variable: str | None, i
     """A named problem, or the samples of a file."""
     from basset.problems import PROBLEMS
 
-    if Path(name).suffix in samples.SUFFIXES:
+    if Path(name).suffix.lower() in samples.SUFFIXES:
         with mistakes_of_files("FILE"):
             g, dt = samples.read(Path(name), step, variable)
         return comparison.of_samples(g, dt, kind, initial_slip, kernel)

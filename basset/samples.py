@@ -173,7 +173,7 @@ def _first_column(path: Path, values: Floats, timed: bool, dtype: Any = None) ->
         raise ValueError(f"{str(path)!r} must hold times (seconds) in its first column, or the step be given: it has one column")
     if columns > 2 and len(values) > 2 and np.array_equal(values[:, 0] - values[0, 0], np.arange(len(values))) and _rises_evenly(values[:, 1]):
         raise ValueError(
-            f"{str(path)!r} must have its times first, got two columns that rise evenly, the first of which counts rows: leave it out or name the columns (.csv)"
+            f"{str(path)!r} must have its times first, got two columns that rise evenly, the first of which counts rows: leave it out, or name columns (.csv)"
         )
     return _times(path, values[:, 0], dtype=dtype), values[:, 1:]
 

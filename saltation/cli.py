@@ -23,7 +23,7 @@ import click
 
 import saltation
 from basset import __version__
-from basset._command import Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset._command import Group, Mistake, check_output, console, draw, mistakes_of_files, progress
 from basset._lazy import Later
 from saltation._files import write
 
@@ -58,7 +58,7 @@ OWN = {  # what the thesis's runs differ in
 }
 
 
-class Commands(click.Group):
+class Commands(Group):
     """The group; a bad scene is a mistake wherever it is met."""
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -780,7 +780,7 @@ def read(path: str | Path) -> dict[str, Any]:
             raise SceneError(f"scene {_validate.shown(str(path))} does not exist; shipped are {', '.join(known)}{_validate.suggestion(name, known)}")
         file = known[name]
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except RecursionError:
         raise SceneError(f"scene {str(path)!r} cannot be read: its tables or lists lie too deep in each other") from None
     except ValueError as error:  # no TOML, no UTF-8, or an integer of thousands of digits

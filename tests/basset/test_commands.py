@@ -62,6 +62,14 @@ def test_advise_ranks_and_says_what_to_take():
     assert "[history]" in result.output and "bytes" in result.output
 
 
+@pytest.mark.parametrize("more", [("--dt", 0.05, "--steps", 1000), ("--duration", 50), ("--duration", 1e4, "--particles", 100)])
+def test_advise_says_that_a_scene_gets_no_such_error(more):
+    """Jumps at takeoffs are not what the error was predicted for: it is said before the lines for a scene."""
+    output = run(*ASKED, *more).stdout
+    said = " ".join(output[output.index("\nin a scene") : output.index("\n[history]\n")].split())
+    assert "the error is that of given samples, not of a scene's grains" in said and "takeoff" in said
+
+
 def test_advise_chooses_the_step_and_knows_memory_use_and_kernel():
     result = run(*ASKED, "--duration", 50, "--use", "path", "--memory", 1e7, "--kernel", "mei_adrian", "--slip", 0.1, "--diameter", 1e-3)
     kernel = basset.MeiAdrianKernel(0.1, 1e-3, 1e-6)
@@ -73,6 +81,12 @@ def test_advise_chooses_the_step_and_knows_memory_use_and_kernel():
 @pytest.mark.parametrize("more", [("timed.csv",), ("plain.npy", "--sample-step", 0.05), ("slips.npy", "--sample-step", 0.05, "--input", "slip")])
 def test_advise_reads_samples(files, more):
     result = run("advise", "--error", 1e-6, "--duration", 100, "--samples", *more)
+    assert result.exit_code == 0 and "time scale of the samples: 0.5 s" in result.output
+
+
+def test_advise_reads_its_samples_by_their_unit(files):
+    np.savetxt("minutes.csv", np.column_stack([T / 60.0, SAMPLES]), delimiter=";", header="time (min);a;b", comments="")
+    result = run("advise", "--error", 1e-6, "--duration", 100, "--samples", "minutes.csv")
     assert result.exit_code == 0 and "time scale of the samples: 0.5 s" in result.output
 
 
@@ -251,6 +265,21 @@ def test_mistakes_are_a_sentence_and_write_nothing(files, name):
 def test_a_file_whose_times_are_rounded_is_uniform():
     Path("rounded.csv").write_text("\n".join(f"{t:.6f},{t * t}" for t in np.arange(50) / 3.0))
     assert samples.read(Path("rounded.csv"))[1] == pytest.approx(1.0 / 3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("charset", ["cp1252", "cp437"])
+@pytest.mark.parametrize(
+    "words", [("--help",), ("advise", "--help"), ("weights", "--help"), ("compare", "--help"), (*ASKED, "--duration", 9), ("compare", "growth")], ids=range(6)
+)
+def test_what_an_encoding_lacks_is_escaped(words, charset):
+    escaped = CliRunner(charset=charset).invoke(cli.main, [str(word) for word in words])
+    assert escaped.exit_code == 0 and escaped.exception is None
+    plain = run(*words).stdout
+
+    def letters(text):
+        return "".join(text.encode("ascii", "basset.escaped").decode().split())
+
+    assert letters(escaped.stdout) == letters(plain)
 
 
 def test_the_module_is_a_command():

@@ -256,6 +256,40 @@ def test_bad_options(scene, tmp_path, name):
     assert word in refuses(tmp_path, *(argument.replace("{}", str(tmp_path)) for argument in arguments))
 
 
+@pytest.mark.parametrize("charset", ["cp1252", "latin-1", "cp437"])
+@pytest.mark.parametrize("words", [("check", "sand"), ("advise", "sand"), ("scenes",), ("run", "--help")], ids=range(4))
+def test_what_an_encoding_lacks_is_escaped(words, charset):
+    """τ* and ρ_s on a stdout that has no Greek."""
+    escaped, plain = (CliRunner(charset=name).invoke(cli.main, words) for name in (charset, "utf-8"))
+    assert escaped.exit_code == plain.exit_code == 0 and escaped.exception is None
+    first, second = ("".join(text.encode("ascii", "basset.escaped").decode().split()) for text in (escaped.stdout, plain.stdout))
+    assert first == second
+
+
+@pytest.mark.parametrize("charset", ["cp1252", "cp1251", "cp437"])
+def test_the_schema_is_the_same_json_in_every_encoding(charset):
+    escaped = CliRunner(charset=charset).invoke(cli.main, ["schema"])
+    assert escaped.exit_code == 0
+    assert json.loads(escaped.stdout_bytes.decode(charset)) == saltation.Scene.model_json_schema()
+
+
+@pytest.mark.parametrize("words", [["-m", "saltation", "check", "sand"], ["-m", "saltation", "schema"], ["-m", "basset", "weights", "--help"]], ids=range(3))
+def test_commands_print_where_python_is_told_another_encoding(words):
+    environment = {**os.environ, "PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0", "PYTHONPATH": str(Path(cli.__file__).resolve().parents[1])}
+    done = subprocess.run([sys.executable, *words], capture_output=True, check=False, env=environment)
+    assert done.returncode == 0 and done.stderr == b""
+    assert done.stdout.decode("cp1252")
+
+
+@pytest.mark.parametrize("mark", ["\ufeff", ""])
+def test_a_scene_may_begin_with_a_byte_order_mark(tmp_path, mark):
+    """As Notepad writes it."""
+    for name, path in shipped().items():
+        own = tmp_path / f"{name}.toml"
+        own.write_text(mark + path.read_text(encoding="utf-8"), encoding="utf-8", newline="\r\n")
+        assert saltation.load(own) == saltation.load(name)
+
+
 def test_unknown_options_are_click_s():
     result = CliRunner().invoke(cli.main, ["run", "sand", "--ouput", "x.nc"])
     assert result.exit_code == 2
