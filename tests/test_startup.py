@@ -1,0 +1,116 @@
+"""Commands that compute nothing, and the imports of the packages, load only what they need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+HEAVY = (
+    "numba", "scipy.fft", "scipy.integrate", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.spatial", "scipy.stats",
+    "xarray", "pandas", "matplotlib", "mpmath", "PIL", "distributed", "dask",
+)  # fmt: skip
+COMMANDS = ("scipy", "pydantic", "rich")  # beside those: not for help
+PACKAGES = ("numpy", "click")  # beside those: not for an import
+
+# says for every forbidden module that is loaded who asked for it: the nearest frames that are no part of the import machinery
+WATCH = """
+import runpy, sys
+forbidden = sys.argv[1].split(",")
+found = {}
+
+class Watch:
+    def find_spec(self, name, path=None, target=None):
+        for bad in forbidden:
+            if (name == bad or name.startswith(bad + ".")) and bad not in found:
+                frame, chain = sys._getframe(1), []
+                while frame is not None:
+                    file = frame.f_code.co_filename
+                    if not file.startswith("<frozen importlib") and "importlib" not in file and file != "<string>":
+                        chain.append(f"{file}:{frame.f_lineno}")
+                    frame = frame.f_back
+                found[bad] = " < ".join(chain[:4])
+        return None
+
+sys.meta_path.insert(0, Watch())
+sys.argv = sys.argv[2:]
+try:
+    if sys.argv[0] == "-c":
+        exec(sys.argv[1])
+    else:
+        runpy.run_module(sys.argv[0], run_name="__main__")
+finally:
+    for name, who in found.items():
+        print(f"LOADED {name} by {who}", file=sys.stderr)
+"""
+
+CASES = {
+    "basset --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation run --help": (*HEAVY, *COMMANDS, "numpy"),
+    "basset compare --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation check sand": HEAVY,
+    "saltation check sand_cloud": HEAVY,
+    "saltation schema": (*HEAVY, "scipy", "rich"),
+    "saltation scenes": (*HEAVY, "scipy"),
+    "basset weights daitche --steps 9": (*HEAVY, "scipy", "pydantic", "rich"),
+    "-c|import basset": (*HEAVY, *COMMANDS, *PACKAGES),
+    "-c|import saltation": (*HEAVY, *COMMANDS, *PACKAGES),
+    "-c|from basset import *": (*HEAVY, *COMMANDS, "click"),
+    "-c|import saltation; saltation.load('sand')": (*HEAVY, "scipy", "rich", "click"),
+    "-c|import saltation; saltation.open": ("numba", "matplotlib", "mpmath", "scipy.stats", "scipy.signal", "scipy.optimize"),
+    "-c|from saltation import *": ("numba", "matplotlib", "scipy.stats", "scipy.signal", "scipy.optimize"),
+}
+
+
+def loaded(words: str, forbidden: tuple[str, ...], root: Path = ROOT) -> list[str]:
+    """What of the forbidden a fresh process loads, and who asks for it."""
+    variables = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", WATCH, ",".join(forbidden), *(words.split("|") if "|" in words else words.split())]
+    done = subprocess.run(command, cwd=root, env=variables, capture_output=True, encoding="utf-8", timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return [line for line in done.stderr.splitlines() if line.startswith("LOADED")]
+
+
+@pytest.mark.parametrize("words", CASES)
+def test_nothing_is_loaded_that_is_not_needed(words):
+    assert not loaded(words, CASES[words])
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "words"),
+    [
+        ("saltation/scene.py", "import xarray", "saltation check sand"),
+        ("saltation/cli.py", "import pandas", "saltation --help"),
+        ("basset/_compile.py", "import numba", "saltation check sand"),
+        ("basset/__init__.py", "import scipy.signal", "-c|import basset"),
+    ],
+)
+def test_an_import_at_the_top_is_found_and_its_place_named(tmp_path, file, line, words):
+    for package in ("basset", "saltation"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    source = tmp_path / file
+    source.write_text(
+        source.read_text(encoding="utf-8").replace("\nimport ", f"\n{line}\nimport ", 1).replace("\nfrom typing", f"\n{line}\nfrom typing", 1), encoding="utf-8"
+    )
+    name = line.split()[1]
+    (found,) = loaded(words, (name,), tmp_path)
+    assert found.startswith(f"LOADED {name} by {source}:")
+
+
+def test_the_packages_list_their_names():
+    import basset
+    import saltation
+
+    for package in (basset, saltation):
+        assert set(package.__all__) <= set(dir(package))
+        for name in package.__all__:
+            assert getattr(package, name) is getattr(package, name)
+        with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+            package.nothing  # noqa: B018
+        assert not hasattr(package, "__wrapped__")
