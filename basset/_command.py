@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -11,12 +12,31 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from basset._files import replacing
+from basset._lazy import Later
 
 if TYPE_CHECKING:  # loaded where something is shown
     from rich.console import Console
     from rich.progress import ProgressColumn
 
+    from basset import _compile
+else:
+    _compile = Later("basset._compile")
+
 WIDTH = 160  # of tables that go to a file or a pipe
+
+
+class Commands(click.Group):
+    """A group of commands that are never left without a sentence."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("stopped: nothing is kept", err=True)
+            ctx.exit(130)
+        except EOFError as error:  # click would say "Aborted!"
+            raise click.ClickException(f"a file ends too early: {error or 'nothing more can be read'}") from None
 
 
 class Mistake(click.ClickException):
@@ -46,6 +66,21 @@ def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterato
     with Progress(TextColumn(name), BarColumn(), *columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task(name, total=total)
         yield lambda share: bar.update(task, completed=share * total)
+
+
+def compile_ahead(what: str, task: Callable[[], Any]) -> None:
+    """Do something once, for what it compiles: a line for each thing that had to be."""
+    began = time.perf_counter()
+    found: list[str] = []
+
+    def report(name: str, seconds: float) -> None:
+        found.append(name)
+        click.echo(f"{what}: {name} compiled in {seconds:.1f} s")
+
+    click.echo(f"{what}: looking")
+    with _compile.reported(report), progress(f"compiling for {what}"):
+        task()
+    click.echo(f"{what}: ready" + (f", {len(found)} compiled in {time.perf_counter() - began:.1f} s" if found else ", all was compiled before"))
 
 
 @contextlib.contextmanager

@@ -112,5 +112,92 @@ def test_the_packages_list_their_names():
         for name in package.__all__:
             assert getattr(package, name) is getattr(package, name)
         with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
-            package.nothing  # noqa: B018
+            package.nothing
         assert not hasattr(package, "__wrapped__")
+
+
+COUNT = """
+import sys
+from basset import _compile
+numba = _compile.compiler()
+compiled = []
+
+class Count(numba.core.event.Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].py_func.__qualname__)
+
+    def on_end(self, event):
+        pass
+
+numba.core.event.register("numba:compile", Count())
+if sys.argv[1] == "basset":
+    from basset.cli import main
+else:
+    from saltation.cli import main
+try:
+    main(sys.argv[2:])
+finally:
+    print("COMPILED", *compiled, file=sys.stderr)
+"""
+
+
+def command(*words: str, code: str = COUNT, **environment: str) -> subprocess.CompletedProcess[str]:
+    variables = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"} | {"PYTHONPATH": str(ROOT)} | environment
+    return subprocess.run([sys.executable, "-W", "error", "-c", code, *words], env=variables, capture_output=True, encoding="utf-8", timeout=600, check=False)
+
+
+@pytest.mark.parametrize("scene", ["bouncing", "settling", "sand_cloud"])
+def test_a_run_after_a_warmup_compiles_nothing(scene, tmp_path):
+    warm = command("saltation", "warmup", scene)
+    assert warm.returncode == 0, warm.stderr
+    assert warm.stdout.splitlines()[0] == f"{scene}: looking"  # also without a terminal
+    assert f"{scene}: ready" in warm.stdout.splitlines()[-1]
+    changes = ("--set", "run.duration=0.03") if scene == "sand_cloud" else ()
+    run = command("saltation", "run", scene, *changes)
+    assert (run.returncode, run.stderr) == (0, "COMPILED\n")
+
+
+def test_streams_and_solvers_after_a_warmup_compile_nothing():
+    assert command("basset", "warmup").returncode == 0
+    for words in (("warmup",), ("compare", "fresnel")):
+        done = command("basset", *words)
+        assert (done.returncode, done.stderr) == (0, "COMPILED\n")
+
+
+def test_a_scene_that_is_none_is_a_mistake_before_anything_is_compiled():
+    done = command("saltation", "warmup", "sand", "snad")
+    assert done.returncode == 2
+    assert "did you mean" in done.stderr
+    assert not done.stdout
+
+
+def test_a_damaged_cache_is_a_warning_of_a_run(tmp_path):
+    """Every file of the cache of one function is cut: a line, and the same numbers."""
+    words = ("basset", "weights", "daitche", "--steps", "3")
+    play = "import sys, numpy as np, basset; p = basset.Daitche(2).plan(0.1, 1.0); print(p.run(p.start(), np.ones(9))[-1].hex())"
+    first = command(*words, code=play, NUMBA_CACHE_DIR=str(tmp_path))
+    assert (first.returncode, first.stderr) == (0, "")
+    for path in tmp_path.rglob("*.nbc"):
+        path.write_bytes(path.read_bytes()[:100])
+    second = command(*words, code=play, NUMBA_CACHE_DIR=str(tmp_path))
+    assert (second.returncode, second.stdout) == (0, first.stdout)
+    assert second.stderr.startswith("warning: compiled code cannot be read, so it is compiled again: ")
+    assert second.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "sentence"), [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early")]
+)
+def test_a_command_that_is_stopped_says_a_sentence(monkeypatch, error, status, sentence):
+    from click.testing import CliRunner
+
+    from basset import cli, comparison
+
+    def stop(*arguments):
+        raise error
+
+    monkeypatch.setattr(comparison, "of_problem", stop)
+    done = CliRunner().invoke(cli.main, ["compare", "fresnel"])
+    assert done.exit_code == status
+    assert done.stderr.startswith(sentence)
+    assert "Aborted" not in done.output

@@ -161,7 +161,7 @@ class TestTheCacheOnDisk:
 
 def _make_double(digest):
     def double(x):
-        digest  # noqa: B018
+        digest
         return 2.0 * x
 
     return double
