@@ -12,6 +12,7 @@ from basset.exponentials import ExponentialSum
 from basset.finite_reynolds import VaryingSlipKernel
 from basset.quadrature import Daitche, Exponential, Windowed
 from basset.solvers import Collocation, FixedStep, solve
+from basset.streaming import LONG_WINDOW
 
 
 def _make_decay(digest: str) -> Callable[..., Any]:
@@ -29,7 +30,8 @@ def streams() -> None:
         state = plan.start((2,))
         plan.run(state, np.ones((20, 2)))
         plan.tail(state)
-        plan.trajectory(np.ones((41, 2)))
+    long = Windowed(Daitche(1), 0.1 * (LONG_WINDOW + 1), ExponentialSum.fit(0.05 * LONG_WINDOW, 0.3 * LONG_WINDOW, 1e-2))
+    long.plan(0.1, 0.2 * LONG_WINDOW).trajectory(np.ones((2 * LONG_WINDOW, 2)))
 
 
 def slips() -> None:
