@@ -7,6 +7,7 @@ import contextlib
 import io
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -14,10 +15,15 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from basset._files import is_stream, replacing
+from basset._lazy import Later
 
 if TYPE_CHECKING:  # loaded where something is shown
     from rich.console import Console
     from rich.progress import ProgressColumn
+
+    from basset import _compile
+else:
+    _compile = Later("basset._compile")
 
 WIDTH = 160  # of tables that go to a file or a pipe
 
@@ -41,8 +47,8 @@ def _escaped(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error("basset.escaped", _escaped)
 
 
-class Group(click.Group):
-    """A group whose words are printed wherever they go: what an output's encoding lacks is escaped."""
+class Commands(click.Group):
+    """A group of commands that are never left without a sentence, printed wherever it goes: what an output's encoding lacks is escaped."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Parse and run."""
@@ -50,6 +56,16 @@ class Group(click.Group):
             if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
                 stream.reconfigure(errors="basset.escaped")
         return super().main(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("stopped: nothing is kept", err=True)
+            ctx.exit(130)
+        except EOFError as error:  # click would say "Aborted!"
+            raise click.ClickException(f"a file ends too early: {error or 'nothing more can be read'}") from None
 
 
 def console(error: bool = False) -> Console:
@@ -69,6 +85,21 @@ def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterato
     with Progress(TextColumn(name), BarColumn(), *columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task(name, total=total)
         yield lambda share: bar.update(task, completed=share * total)
+
+
+def compile_ahead(what: str, task: Callable[[], Any]) -> None:
+    """Do something once, for what it compiles: a line for each thing that had to be."""
+    began = time.perf_counter()
+    found: list[str] = []
+
+    def report(name: str, seconds: float) -> None:
+        found.append(name)
+        click.echo(f"{what}: {name} compiled in {seconds:.1f} s")
+
+    click.echo(f"{what}: looking")
+    with _compile.reported(report), progress(f"compiling for {what}"):
+        task()
+    click.echo(f"{what}: ready" + (f", {len(found)} compiled in {time.perf_counter() - began:.1f} s" if found else ", all was compiled before"))
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The commands `basset advise|compare|weights`.
+"""The commands `basset advise|compare|weights|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import basset
-from basset import __version__
-from basset._command import Group, Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset import __version__, _command
+from basset._command import Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
 from basset._files import write
 from basset._lazy import Later
 
@@ -41,7 +41,7 @@ SCENES = (
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
 
 
-class Commands(Group):
+class Commands(_command.Commands):
     """The group; what the library refuses is a mistake wherever it is met."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -228,6 +228,15 @@ def weights(
     with mistakes_of_files("--output"):
         write(output, text)
     click.echo(f"written: {output}")
+
+
+@main.command()
+def warmup() -> None:
+    """Compile ahead what streams and solvers need, and keep it: the first use then starts at once."""
+    from basset._ahead import TASKS
+
+    for what, task in TASKS.items():
+        compile_ahead(what, task)
 
 
 # What commands share

@@ -1,4 +1,4 @@
-"""The commands `saltation run|check|advise|ablate|uncertainty|schema|scenes|campaign|plot`.
+"""The commands `saltation run|check|advise|ablate|uncertainty|schema|scenes|campaign|plot|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import saltation
-from basset import __version__
-from basset._command import Group, Mistake, check_output, console, draw, mistakes_of_files, progress
+from basset import __version__, _command
+from basset._command import Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
 from basset._lazy import Later
 from saltation._files import write
 
@@ -58,7 +58,7 @@ OWN = {  # what the thesis's runs differ in
 }
 
 
-class Commands(Group):
+class Commands(_command.Commands):
     """The group; a bad scene is a mistake wherever it is met."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -402,6 +402,18 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
         with mistakes_of_files("--output"):
             draw(figure, path)
         click.echo(f"written: {path}")
+
+
+@main.command()
+@click.argument("names", nargs=-1, metavar="[SCENE]...")
+def warmup(names: tuple[str, ...]) -> None:
+    """Compile ahead what runs of each SCENE need (default: the scenes that come with the package): they then start at once."""
+    from saltation.simulation import warm
+
+    made = {name: scene_of(read(name)) for name in names or shipped()}  # mistakes first
+    with stoppable(None):
+        for name, scene in made.items():
+            compile_ahead(name, partial(warm, scene))
 
 
 # What commands share

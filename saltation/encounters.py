@@ -722,7 +722,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
     return advance
 
 
-advance = compiled(_make_advance, allocates=False)
+advance = compiled(_make_advance, allocates=False, usually="some 30 s")
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:

@@ -175,7 +175,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
     return cruise
 
 
-cruise = compiled(_make_cruise)
+cruise = compiled(_make_cruise, usually="some 20 s")
 
 
 def _make_strike(digest: str) -> Callable[..., Any]:

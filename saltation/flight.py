@@ -950,7 +950,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
     return fly
 
 
-fly = compiled(_make_fly, allocates=False)
+fly = compiled(_make_fly, allocates=False, usually="some 20 s")
 
 
 def each_force(effects: tuple[Any, ...], s: Situation, out: Floats, row: int, column: int) -> None:

@@ -107,6 +107,16 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
         engine = Engine(scene, horizon)
 
 
+def warm(scene: Any) -> None:
+    """Run a scene as shortly as possible, for what that compiles: the types are those of the whole run."""
+    if scene.effects == AUTO:
+        from saltation.advice import resolved
+
+        scene = resolved(scene, Here())
+    length = {"jumps": 1, "discard": 0} if scene.run.jumps is not None else {"duration": min(scene.run.duration, scene.numbers.time)}
+    run(scene.model_copy(update={"run": scene.run.model_copy(update=length)}))
+
+
 def wider(engine: Engine, result: Result) -> float | None:
     """The memory (d/V) with which a run that outlasted it can do its jumps, by the flights seen; None if there is none."""
     scene, before = engine.scene, engine.horizon

@@ -512,5 +512,5 @@ def _make_march(digest: str) -> Callable[..., Any]:
 
 
 attempt_compiled = compiled(_make_attempt)
-march_compiled = compiled(_make_march)
+march_compiled = compiled(_make_march, usually="some 10 s")
 march = _make_march("")

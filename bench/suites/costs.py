@@ -1,7 +1,8 @@
-"""Do a cached value, a table of weights and a long history cost what they should?"""
+"""Do a start, a cached value, a table of weights and a long history cost what they should?"""
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 from typing import Any
@@ -20,6 +21,31 @@ import resource, sys, basset
 basset.Daitche(int(sys.argv[1])).weights(int(sys.argv[2]), 1.0)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
 """
+STARTS = {
+    "python": ("-c", "pass"),
+    "import numpy": ("-c", "import numpy"),
+    "import basset": ("-c", "import basset"),
+    "import saltation": ("-c", "import saltation"),
+    "basset --help": ("-m", "basset", "--help"),
+    "saltation --help": ("-m", "saltation", "--help"),
+    "saltation check sand": ("-m", "saltation", "check", "sand"),
+    "saltation schema": ("-m", "saltation", "schema"),
+    "saltation scenes": ("-m", "saltation", "scenes"),
+    "basset weights daitche": ("-m", "basset", "weights", "daitche", "--steps", "9"),
+}
+
+
+def starts(rounds: int = 5) -> list[dict[str, Any]]:
+    """CPU seconds (user and system) of fresh processes, the first round left out: it reads the disk."""
+    seconds: dict[str, list[float]] = {name: [] for name in STARTS}
+    for number in range(rounds + 1):
+        for name, words in STARTS.items():
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run([sys.executable, *words], capture_output=True, check=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            if number:
+                seconds[name].append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+    return [{"start": name, "seconds": min(found), "all": found} for name, found in seconds.items()]
 
 
 def cached(full: bool) -> list[dict[str, Any]]:
@@ -64,4 +90,4 @@ def long_time(full: bool) -> list[dict[str, Any]]:
 def run(full: bool) -> dict[str, Any]:
     """Overheads, build times, memory and a long history."""
     TABLES.clear()
-    return {"cached": cached(full), "building": building(full), "memory": memory(full), "long": long_time(full)}
+    return {"starts": starts(), "cached": cached(full), "building": building(full), "memory": memory(full), "long": long_time(full)}

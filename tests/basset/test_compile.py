@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import basset
+from basset import _compile
 from basset._compile import source_digest
 
 PACKAGE = Path(basset.__file__).parent
@@ -155,6 +157,132 @@ class TestTheCacheOnDisk:
         (root / "new.py").rename(root / "renamed.py")
         digests.add(source_digest(root))
         assert len(digests) == 3 + sources
+
+
+def _make_double(digest):
+    def double(x):
+        digest
+        return 2.0 * x
+
+    return double
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+class TestADamagedCache:
+    """Nothing on the disk ends a run or changes a number: one line of warning in a process, and the code is compiled."""
+
+    @pytest.fixture
+    def folder(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(_compile.compiler().config, "CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(_compile.Keeper, "warned", False)
+        return tmp_path
+
+    @staticmethod
+    def compiles(argument: float = 3.0) -> int:
+        """A function as a new process would have it; how often it had to be compiled."""
+        names: list = []
+        with _compile.reported(lambda name, seconds: names.append(name)):
+            assert _compile.compiled(_make_double)(argument) == 2.0 * argument
+        return len(names)
+
+    @staticmethod
+    def file(folder: Path) -> Path:
+        (found,) = folder.rglob("*.nbc")
+        return found
+
+    @pytest.mark.parametrize(
+        "damage",
+        [
+            lambda content: b"",
+            lambda content: content[:20],
+            lambda content: content[: len(content) // 2],
+            lambda content: content[:-1],
+            lambda content: b"no such thing" * 100,
+            lambda content: content[:200] + bytes([content[200] ^ 1]) + content[201:],
+            lambda content: content[:-50] + bytes([content[-50] ^ 128]) + content[-49:],
+        ],
+        ids=["empty", "head", "half", "but one byte", "another file", "one bit", "one bit of the code"],
+    )
+    def test_a_damaged_file_is_compiled_again_and_mended(self, folder, capfd, damage):
+        assert (self.compiles(), self.compiles()) == (1, 0)
+        path = self.file(folder)
+        path.write_bytes(damage(path.read_bytes()))
+        assert capfd.readouterr().err == ""
+        assert (self.compiles(), self.compiles()) == (1, 0)
+        assert capfd.readouterr().err.count("\n") == 1
+
+    def test_a_folder_in_its_place(self, folder, capfd):
+        self.compiles()
+        path = self.file(folder)
+        path.unlink()
+        path.mkdir()
+        assert (self.compiles(), self.compiles()) == (1, 1)
+        said = capfd.readouterr().err
+        assert said.startswith("warning: compiled code cannot be read")
+        assert said.count("\n") == 1
+        assert not list(folder.rglob(".*"))  # nothing half-written stays
+
+    @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT])
+    def test_a_disk_that_takes_nothing(self, folder, capfd, monkeypatch, code):
+        def refuse(*arguments):
+            raise OSError(code, os.strerror(code))
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "write_bytes", refuse)
+            assert (self.compiles(), self.compiles()) == (1, 1)
+        assert capfd.readouterr().err == f"warning: compiled code cannot be kept, so it is compiled anew each time: [Errno {code}] {os.strerror(code)}\n"
+        assert not [path for path in folder.rglob("*") if path.is_file()]
+        assert (self.compiles(), self.compiles()) == (1, 0)
+
+    def test_what_may_not_be_read(self, folder, capfd, monkeypatch):
+        self.compiles()
+
+        def refuse(path):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+        monkeypatch.setattr(Path, "read_bytes", refuse)
+        monkeypatch.setattr(_compile, "digest_of", lambda package: "")
+        assert self.compiles() == 1
+        assert "Permission denied" in capfd.readouterr().err
+
+    def test_nowhere_to_write(self, folder, capfd, monkeypatch):
+        """Neither the package nor the home directory, as in containers."""
+
+        def refuse(plain):
+            raise RuntimeError("cannot cache function: no locator available")
+
+        monkeypatch.setattr(_compile.compiler().core.caching, "FunctionCache", refuse)
+        assert (self.compiles(), self.compiles()) == (1, 1)
+        assert capfd.readouterr().err.count("\n") == 1
+
+    def test_forms_that_two_processes_wrote_at_once_are_not_mixed_up(self, folder):
+        """One of them has not seen the other's: each form has a file of its own, and a file says whose it is."""
+        assert (self.compiles(3.0), self.compiles(3)) == (1, 1)  # float64, int64
+        one, other = sorted(folder.rglob("*.nbc"))
+        one.write_bytes(other.read_bytes())
+        assert self.compiles(3.0) + self.compiles(3) == 1
+        assert (self.compiles(3.0), self.compiles(3)) == (0, 0)
+
+    def test_two_processes_compile_at_once(self, folder):
+        code = "import sys; sys.path.insert(0, sys.argv[1]); import test_compile as t; print(t.TestADamagedCache.compiles())"
+        command = [sys.executable, "-W", "error", "-c", code, str(Path(__file__).parent)]
+        variables = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(folder)}
+        both = [subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+        for process in both:
+            said, complaints = process.communicate(timeout=300)
+            assert (process.returncode, complaints) == (0, "")
+            assert said in ("0\n", "1\n")
+        assert subprocess.run(command, env=variables, capture_output=True, text=True, check=True).stdout == "0\n"
+
+    def test_a_terminal_is_told_once(self, folder, monkeypatch, capsys):
+        self.compiles()
+        assert capsys.readouterr().err == ""  # no terminal
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+        self.compiles()
+        assert capsys.readouterr().err == ""  # a hit
+        self.file(folder).unlink()
+        self.compiles()
+        assert capsys.readouterr().err == f"compiling, once: {__name__}.double (usually some seconds)\n"
 
 
 class TestStartUp:

@@ -103,24 +103,3 @@ def test_nan_is_a_status_and_a_wrong_shape_an_error():
     assert "component 0" in r.message
     with pytest.raises(ValueError, match="fun must return 2 rates"):
         basset.solve(made(short), (0.0, 2.0), [1.0, 2.0])
-
-
-def test_a_cache_that_cannot_be_written_is_no_obstacle(monkeypatch):
-    """Neither the package nor the home directory writeable, as in containers: compiled without a cache."""
-    original = _compile.numba.njit
-
-    def refusing(*args, **options):
-        if options.get("cache"):
-            raise RuntimeError("cannot cache function: no locator available")
-        return original(*args, **options)
-
-    monkeypatch.setattr(_compile.numba, "njit", refusing)
-
-    def factory(digest):
-        def double(x):
-            digest
-            return 2.0 * x
-
-        return double
-
-    assert _compile.compiled(factory)(3.0) == 6.0

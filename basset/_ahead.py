@@ -1,0 +1,59 @@
+"""What is compiled ahead: every compiled function of this package, called once with the types that it always gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from basset._compile import compiled
+from basset.exponentials import ExponentialSum
+from basset.finite_reynolds import VaryingSlipKernel
+from basset.quadrature import Daitche, Exponential, Windowed
+from basset.solvers import Collocation, FixedStep, solve
+from basset.streaming import LONG_WINDOW
+
+
+def _make_decay(digest: str) -> Callable[..., Any]:
+    def decay(t, y):
+        digest  # noqa: B018 - part of the cache key
+        return -y
+
+    return decay
+
+
+def streams() -> None:
+    """Rows, blocks and the next sample, with exponentials and without."""
+    for rule in (Daitche(2), Exponential(2, 1e-3), Windowed(Daitche(2), 0.4, ExponentialSum.fit(0.2, 10.0, 1e-3))):
+        plan = rule.plan(0.1, 4.0)
+        state = plan.start((2,))
+        plan.run(state, np.ones((20, 2)))
+        plan.tail(state)
+    long = Windowed(Daitche(1), 0.1 * (LONG_WINDOW + 1), ExponentialSum.fit(0.05 * LONG_WINDOW, 0.3 * LONG_WINDOW, 1e-2))
+    long.plan(0.1, 0.2 * LONG_WINDOW).trajectory(np.ones((2 * LONG_WINDOW, 2)))
+
+
+def slips() -> None:
+    """A stream whose kernel follows the slip."""
+    plan = Exponential(1, 1e-3).plan(0.1, 2.0, VaryingSlipKernel(1e-3, 1e-6, (1e-2, 1e-1)))
+    plan.run(plan.start(), np.ones(9), slip=np.full(9, 0.05))
+
+
+def python_functions() -> None:
+    """Solvers of a fun in Python."""
+    solve(lambda t, y: -y, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4), dense_output=True)
+    solve(lambda t, y: -y, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=FixedStep(0.1, Daitche(1)))
+
+
+def compiled_functions() -> None:
+    """The collocation of a compiled fun."""
+    solve(compiled(_make_decay), (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4))
+
+
+TASKS: dict[str, Callable[[], None]] = {
+    "streams of samples": streams,
+    "streams whose kernel follows the slip": slips,
+    "solvers of a Python function": python_functions,
+    "solvers of a compiled function": compiled_functions,
+}

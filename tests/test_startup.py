@@ -1,0 +1,204 @@
+"""Commands that compute nothing, and the imports of the packages, load only what they need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+HEAVY = (
+    "numba", "scipy.fft", "scipy.integrate", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.spatial", "scipy.stats",
+    "xarray", "pandas", "matplotlib", "mpmath", "PIL", "distributed", "dask",
+)  # fmt: skip
+COMMANDS = ("scipy", "pydantic", "rich")  # beside those: not for help
+PACKAGES = ("numpy", "click")  # beside those: not for an import
+
+# says for every forbidden module that is loaded who asked for it: the nearest frames that are no part of the import machinery
+WATCH = """
+import runpy, sys
+forbidden = sys.argv[1].split(",")
+found = {}
+
+class Watch:
+    def find_spec(self, name, path=None, target=None):
+        for bad in forbidden:
+            if (name == bad or name.startswith(bad + ".")) and bad not in found:
+                frame, chain = sys._getframe(1), []
+                while frame is not None:
+                    file = frame.f_code.co_filename
+                    if not file.startswith("<frozen importlib") and "importlib" not in file and file != "<string>":
+                        chain.append(f"{file}:{frame.f_lineno}")
+                    frame = frame.f_back
+                found[bad] = " < ".join(chain[:4])
+        return None
+
+sys.meta_path.insert(0, Watch())
+sys.argv = sys.argv[2:]
+try:
+    if sys.argv[0] == "-c":
+        exec(sys.argv[1])
+    else:
+        runpy.run_module(sys.argv[0], run_name="__main__")
+finally:
+    for name, who in found.items():
+        print(f"LOADED {name} by {who}", file=sys.stderr)
+"""
+
+CASES = {
+    "basset --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation run --help": (*HEAVY, *COMMANDS, "numpy"),
+    "basset compare --help": (*HEAVY, *COMMANDS, "numpy"),
+    "saltation check sand": HEAVY,
+    "saltation check sand_cloud": HEAVY,
+    "saltation schema": (*HEAVY, "scipy", "rich"),
+    "saltation scenes": (*HEAVY, "scipy"),
+    "basset weights daitche --steps 9": (*HEAVY, "scipy", "pydantic", "rich"),
+    "-c|import basset": (*HEAVY, *COMMANDS, *PACKAGES),
+    "-c|import saltation": (*HEAVY, *COMMANDS, *PACKAGES),
+    "-c|from basset import *": (*HEAVY, *COMMANDS, "click"),
+    "-c|import saltation; saltation.load('sand')": (*HEAVY, "scipy", "rich", "click"),
+    "-c|import saltation; saltation.open": ("numba", "matplotlib", "mpmath", "scipy.stats", "scipy.signal", "scipy.optimize"),
+    "-c|from saltation import *": ("numba", "matplotlib", "scipy.stats", "scipy.signal", "scipy.optimize"),
+}
+
+
+def loaded(words: str, forbidden: tuple[str, ...], root: Path = ROOT) -> list[str]:
+    """What of the forbidden a fresh process loads, and who asks for it."""
+    variables = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", WATCH, ",".join(forbidden), *(words.split("|") if "|" in words else words.split())]
+    done = subprocess.run(command, cwd=root, env=variables, capture_output=True, encoding="utf-8", timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return [line for line in done.stderr.splitlines() if line.startswith("LOADED")]
+
+
+@pytest.mark.parametrize("words", CASES)
+def test_nothing_is_loaded_that_is_not_needed(words):
+    assert not loaded(words, CASES[words])
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "words"),
+    [
+        ("saltation/scene.py", "import xarray", "saltation check sand"),
+        ("saltation/cli.py", "import pandas", "saltation --help"),
+        ("basset/_compile.py", "import numba", "saltation check sand"),
+        ("basset/__init__.py", "import scipy.signal", "-c|import basset"),
+    ],
+)
+def test_an_import_at_the_top_is_found_and_its_place_named(tmp_path, file, line, words):
+    for package in ("basset", "saltation"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    source = tmp_path / file
+    source.write_text(
+        source.read_text(encoding="utf-8").replace("\nimport ", f"\n{line}\nimport ", 1).replace("\nfrom typing", f"\n{line}\nfrom typing", 1), encoding="utf-8"
+    )
+    name = line.split()[1]
+    (found,) = loaded(words, (name,), tmp_path)
+    assert found.startswith(f"LOADED {name} by {source}:")
+
+
+def test_the_packages_list_their_names():
+    import basset
+    import saltation
+
+    for package in (basset, saltation):
+        assert set(package.__all__) <= set(dir(package))
+        for name in package.__all__:
+            assert getattr(package, name) is getattr(package, name)
+        with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+            package.nothing
+        assert not hasattr(package, "__wrapped__")
+
+
+COUNT = """
+import sys
+from basset import _compile
+numba = _compile.compiler()
+compiled = []
+
+class Count(numba.core.event.Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].py_func.__qualname__)
+
+    def on_end(self, event):
+        pass
+
+numba.core.event.register("numba:compile", Count())
+if sys.argv[1] == "basset":
+    from basset.cli import main
+else:
+    from saltation.cli import main
+try:
+    main(sys.argv[2:])
+finally:
+    print("COMPILED", *compiled, file=sys.stderr)
+"""
+
+
+def command(*words: str, code: str = COUNT, **environment: str) -> subprocess.CompletedProcess[str]:
+    variables = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"} | {"PYTHONPATH": str(ROOT)} | environment
+    return subprocess.run([sys.executable, "-W", "error", "-c", code, *words], env=variables, capture_output=True, encoding="utf-8", timeout=600, check=False)
+
+
+@pytest.mark.parametrize("scene", ["bouncing", "settling", "sand_cloud"])
+def test_a_run_after_a_warmup_compiles_nothing(scene, tmp_path):
+    warm = command("saltation", "warmup", scene)
+    assert warm.returncode == 0, warm.stderr
+    assert warm.stdout.splitlines()[0] == f"{scene}: looking"  # also without a terminal
+    assert f"{scene}: ready" in warm.stdout.splitlines()[-1]
+    changes = ("--set", "run.duration=0.03") if scene == "sand_cloud" else ()
+    run = command("saltation", "run", scene, *changes)
+    assert (run.returncode, run.stderr) == (0, "COMPILED\n")
+
+
+def test_streams_and_solvers_after_a_warmup_compile_nothing():
+    assert command("basset", "warmup").returncode == 0
+    done = command("basset", "compare", "fresnel")
+    assert (done.returncode, done.stderr) == (0, "COMPILED\n")
+    again = command("basset", "warmup")
+    assert again.stdout.count("all was compiled before") == 4
+
+
+def test_a_scene_that_is_none_is_a_mistake_before_anything_is_compiled():
+    done = command("saltation", "warmup", "sand", "snad")
+    assert done.returncode == 2
+    assert "did you mean" in done.stderr
+    assert not done.stdout
+
+
+def test_a_damaged_cache_is_a_warning_of_a_run(tmp_path):
+    """Every file of the cache of one function is cut: a line, and the same numbers."""
+    words = ("basset", "weights", "daitche", "--steps", "3")
+    play = "import sys, numpy as np, basset; p = basset.Daitche(2).plan(0.1, 1.0); print(p.run(p.start(), np.ones(9))[-1].hex())"
+    first = command(*words, code=play, NUMBA_CACHE_DIR=str(tmp_path))
+    assert (first.returncode, first.stderr) == (0, "")
+    for path in tmp_path.rglob("*.nbc"):
+        path.write_bytes(path.read_bytes()[:100])
+    second = command(*words, code=play, NUMBA_CACHE_DIR=str(tmp_path))
+    assert (second.returncode, second.stdout) == (0, first.stdout)
+    assert second.stderr.startswith("warning: compiled code cannot be read, so it is compiled again: ")
+    assert second.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "sentence"), [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early")]
+)
+def test_a_command_that_is_stopped_says_a_sentence(monkeypatch, error, status, sentence):
+    from click.testing import CliRunner
+
+    from basset import cli, comparison
+
+    def stop(*arguments):
+        raise error
+
+    monkeypatch.setattr(comparison, "of_problem", stop)
+    done = CliRunner().invoke(cli.main, ["compare", "fresnel"])
+    assert done.exit_code == status
+    assert done.stderr.startswith(sentence)
+    assert "Aborted" not in done.output
