@@ -29,6 +29,7 @@ __all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene",
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
 FINEST = 1e-13  # relative error of sums of exponentials
+FINEST_STEPS = {"mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # solver.rtol that flights with these kernels keep
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
 
@@ -400,6 +401,8 @@ class Basis(Table):
         if "history" in names:
             self._check_history()
         self._check_numbers()
+        if self.solver.method != "collocation":
+            self._check_steps()
         if "encounters" in names and self.cloud is None:
             raise ValueError("effects: 'encounters' needs more than one grain: add a [cloud] table with number and concentration")
         if self.cloud is not None:
@@ -448,6 +451,18 @@ class Basis(Table):
         except ValueError as error:
             raise ValueError(f"channel.{error}") from None
 
+    def _check_steps(self) -> None:
+        """Fixed steps have to be stable for the drag of a grain at rest, the least there is, and the history."""
+        from basset.quadrature import Daitche
+        from basset.solvers.stability import longest_step
+
+        n, names, dt = self.numbers, self.names, float(self.solver.dt or 0.0)
+        rule = self.history_rule() if "history" in names else Daitche(1)
+        rate, coefficient = 18.0 * n.alpha / n.reynolds * ("drag" in names), n.history * ("history" in names)
+        longest = longest_step(rule, rate, coefficient, self.solver.method == "runge_kutta_4")
+        if dt > longest:
+            raise ValueError(f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order takes longer ones")
+
     def _check_history(self) -> None:
         """Scheme and solver have to fit."""
         options = self.options("history")
@@ -464,6 +479,10 @@ class Basis(Table):
             )
             raise ValueError(f"{what}, got {self.horizon:g} (units of d/u*)")
         if self.solver.method == "collocation":
+            finest = FINEST_STEPS.get(options.kernel, 0.0)
+            if self.solver.rtol < finest:
+                what = "its powers of time are none that a step can hold to more digits"
+                raise ValueError(f"solver.rtol must be {finest:g} or greater for history.kernel = {options.kernel!r}, got {self.solver.rtol:g}: {what}")
             if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
                 what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
                 raise ValueError(f"history: {what} samples the past at fixed steps: take solver.method = 'fixed_step' with dt, or scheme = 'exponential'")

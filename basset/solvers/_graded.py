@@ -285,7 +285,13 @@ class Integration:
         numbers, deeper = self.state.numbers, self.depth + 1
         if deeper == len(DEPTHS) or numbers[_march.TIME] - numbers[_march.JUMPED] > 1e4 * self.problem.floor:
             return False
-        return not self.remembers or DEPTHS[deeper][0] >= 1e-12 or has_geometric(self.task.kernel)
+        if not self.remembers or has_geometric(self.task.kernel):
+            return True
+        try:
+            ExponentialSum.fit(DEPTHS[deeper][0] * 1.001 * self.problem.span, self.problem.span, 1e-3, self.task.kernel)
+        except ValueError:
+            return False
+        return True
 
     def _turn(self) -> bool:
         """Go on beyond the end of the running stretch; False at the end of the last."""

@@ -17,7 +17,7 @@ from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
 from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, fire, speed, stretches
-from basset.solvers.stability import adams_moulton, bounds, degree_of, longest_step, stable
+from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton, bounds, degree_of, longest_step, stable
 from basset.streaming import Plan, State
 
 
@@ -78,10 +78,6 @@ def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Stretch]]:
 class Watch:
     """Looks at the newest rates: an unstable step makes them alternate in sign and grow."""
 
-    WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # what alternates, and little of what is smooth
-    STEPS = 16  # in a row: no smooth solution and no rounding does that
-    SHARE = 1e-6  # of the rates themselves
-
     def __init__(self) -> None:
         self.rates: list[Floats] = []
         self.last: Floats = np.empty(0)
@@ -94,12 +90,12 @@ class Watch:
         self.rates = [*self.rates[-4:], rate]
         if len(self.rates) < 5:
             return
-        now = self.WEIGHTS @ self.rates
+        now = ALTERNATING @ self.rates
         if len(self.last):
             largest = int(np.abs(now).argmax())
             grows = now[largest] * self.last[largest] < 0.0 and abs(now[largest]) >= abs(self.last[largest])
             self.grown = self.grown + 1 if grows else 0
-            if self.grown >= self.STEPS and abs(now[largest]) > self.SHARE * max(abs(rates[largest]) for rates in self.rates):
+            if self.grown >= IN_A_ROW and abs(now[largest]) > SHARE * max(abs(rates[largest]) for rates in self.rates):
                 raise SolverError(f"steps of {run.dt:.3g} s diverge with {run.rule!r} at t = {t:.6g}: {SHORTER}")
         self.last = now
 
