@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from scipy.special import roots_jacobi
 
 from basset._compile import is_compiled, rate_function
-from basset.exponentials import ExponentialSum, geometric, has_geometric
+from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.solvers import _march
 from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, speed, stretches
@@ -145,6 +145,9 @@ def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, sing
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
+PATIENCE = 4  # looks for a jump of fun from one place
+
+
 class TooFast(Exception):
     """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
 
@@ -181,6 +184,7 @@ class Integration:
         self.stretches = stretches(task)  # the running one first
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
         self.beyond: Floats | None = None  # y' behind it
+        self.looks = (math.nan, 0)  # where, how often
         stretch = self.stretches[0]
         self.problem = _march.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
@@ -203,7 +207,7 @@ class Integration:
         closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
             self.depth += 1
-            if self.depth == len(DEPTHS) or (self.depth > 1 and not has_geometric(task.kernel)):
+            if self.depth == len(DEPTHS) or (self.depth > 1 and not _has_geometric(task.kernel)):
                 raise SolverError(f"breaks {closest:.2g} s apart are too close for a span of {span:.6g} s and {task.kernel!r}")
         near, floor = DEPTHS[self.depth]
         self.problem = self.problem._replace(floor=floor * span)
@@ -220,7 +224,7 @@ class Integration:
         far = self.problem.span * (1.0 + 1e-9)
         tolerance = 0.1 * self.problem.rtol
         if far > 1e12 * near * 1.001:
-            return geometric(near, far, tolerance, self.task.kernel)
+            return _geometric(near, far, tolerance, self.task.kernel)
         while True:
             try:
                 return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
@@ -285,7 +289,7 @@ class Integration:
         numbers, deeper = self.state.numbers, self.depth + 1
         if deeper == len(DEPTHS) or numbers[_march.TIME] - numbers[_march.JUMPED] > 1e4 * self.problem.floor:
             return False
-        if not self.remembers or has_geometric(self.task.kernel):
+        if not self.remembers or _has_geometric(self.task.kernel):
             return True
         try:
             ExponentialSum.fit(DEPTHS[deeper][0] * 1.001 * self.problem.span, self.problem.span, 1e-3, self.task.kernel)
@@ -329,7 +333,8 @@ class Integration:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
         state, numbers, task, problem = self.state, self.state.numbers, self.task, self.problem
         t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
-        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0:
+        self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
+        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
             return False
         piece, y, slope = self.trace.pieces[-1], state.y.copy(), state.rate.copy()
         scale = np.maximum(problem.atol + problem.rtol * np.abs(y), 1e-300)
