@@ -461,7 +461,9 @@ class Basis(Table):
         rate, coefficient = 18.0 * n.alpha / n.reynolds * ("drag" in names), n.history * ("history" in names)
         longest = longest_step(rule, rate, coefficient, self.solver.method == "runge_kutta_4")
         if dt > longest:
-            raise ValueError(f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order takes longer ones")
+            raise ValueError(
+                f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order takes longer ones"
+            )
 
     def _check_history(self) -> None:
         """Scheme and solver have to fit."""

@@ -146,9 +146,10 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
 PATIENCE = 4  # looks for a jump of fun from one place
+CHATTER = 20  # jumps with the state within a millionth of the span
 
 
-class TooFast(Exception):
+class TooFastError(Exception):
     """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
 
 
@@ -165,7 +166,7 @@ def integrate(method: Collocation, task: Task, trace: Trace) -> None:
     for depth in range(len(DEPTHS)):
         try:
             return Integration(method, task, trace, depth).run()
-        except TooFast:
+        except TooFastError:
             trace.times[1:], trace.states[1:], trace.pieces[:], trace.steps = [], [], [], 0
             task.events[:] = [replace(event, times=[], states=[]) for event in events]
 
@@ -185,6 +186,7 @@ class Integration:
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
         self.beyond: Floats | None = None  # y' behind it
         self.looks = (math.nan, 0)  # where, how often
+        self.found: list[float] = []  # when a jump with the state was found
         stretch = self.stretches[0]
         self.problem = _march.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
@@ -277,7 +279,7 @@ class Integration:
                 elif code == _march.TOO_SMALL and self._look():
                     continue
                 elif code == _march.TOO_SMALL and self._fades():
-                    raise TooFast
+                    raise TooFastError
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
         finally:
@@ -373,7 +375,7 @@ class Integration:
                 return False
             place = ahead(high)
             in_time = apart(rates(low, place), rates(high, place)) > 0.5 * jump
-        except SolverError:
+        except SolverError:  # fun is not finite there
             return False
         rest = self.stretches[0]
         if in_time:
@@ -382,6 +384,9 @@ class Integration:
             self.approaching = True
             self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
         else:
+            self.found.append(t)
+            if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * problem.span:
+                raise SolverError(f"fun pushes the state back to where it jumps, from either side, at t = {t:.6g}: sliding, as with friction that sticks")
             self.beyond = slope + after - before
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]

@@ -34,9 +34,13 @@ class TestGiven:
     def test_a_pulse_narrower_than_any_step(self, width, rtol):
         """y(2) of y' = −y − ½H + a pulse of area 1 from 1 on, y(0) = 1."""
         steps = [(1.0, 1.0 / width), (1.0 + width, -1.0 / width)]
-        result = basset.solve(forced(steps, 1.0), (0.0, 2.0), [1.0], coefficient=0.5, breaks=[5.0, 1.0 + width, 1.0, -1.0], method=basset.Collocation(rtol=rtol))
+        result = basset.solve(
+            forced(steps, 1.0), (0.0, 2.0), [1.0], coefficient=0.5, breaks=[5.0, 1.0 + width, 1.0, -1.0], method=basset.Collocation(rtol=rtol)
+        )
         area = (1.0 + width - 1.0) / width
-        later = (reference.response(1.0, 1.0, 0.5, 1) - reference.response(1.0 - width, 1.0, 0.5, 1)) / width if width > 1e-4 else reference.response(1.0, 1.0, 0.5)
+        later = (
+            (reference.response(1.0, 1.0, 0.5, 1) - reference.response(1.0 - width, 1.0, 0.5, 1)) / width if width > 1e-4 else reference.response(1.0, 1.0, 0.5)
+        )
         exact = float(reference.response(2.0, 1.0, 0.5)) + area * float(later)
         assert result.status == 0
         assert result.y[0, -1] == pytest.approx(exact, abs=FACTOR * rtol + (width if width <= 1e-4 else 0.0))
