@@ -76,7 +76,7 @@ class TestGiven:
     def test_fixed_steps_turn_at_their_nodes(self, method):
         result = basset.solve(forced([(0.5, 1.0), (0.6, -1.0)], 1.0), (0.0, 2.0), [0.0], coefficient=0.5, breaks=(0.5, 0.6), method=method)
         assert result.y[0, -1] == pytest.approx(float(stepped(2.0, [(0.5, 1.0), (0.6, -1.0)], 1.0, 0.5)), abs=2e-4)
-        with pytest.raises(ValueError, match="breaks must lie on the nodes of fixed steps, got 0.5004 "):
+        with pytest.raises(ValueError, match=r"breaks must lie on the nodes of fixed steps, got 0\.5004 "):
             basset.solve(lambda t, y: -y, (0.0, 2.0), [0.0], breaks=0.5004, method=method)
 
 
