@@ -24,6 +24,7 @@ from basset.evaluate import _converted, _diagnose, cumulate
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
+from basset.solvers.stability import longest_step
 from basset.streaming import LONGEST
 
 __all__ = ["Advice", "Candidate", "Machine", "advise", "calibrated"]
@@ -200,6 +201,8 @@ def advise(
     memory: float = math.inf,
     use: str = "stream",
     machine: Machine | None = None,
+    relaxation: float | None = None,
+    coefficient: float | None = None,
 ) -> Advice:
     """Rank every scheme by predicted error, time and bytes, and say which one to take.
 
@@ -235,6 +238,9 @@ def advise(
         "stream": one sample after the other, as in a solver; "path": all samples are there (`basset.cumulate`).
     machine : Machine, optional
         Default: measured here, once (see `calibrated`).
+    relaxation, coefficient : float (1/s) and float (s^(-1/2)), optional
+        λ and c of the equation y' = −λy − c·H[y] that a stream is for: steps at which an implicit solver diverges with a scheme
+        (see `basset.FixedStep`) are left out. None: 1/T and 1/√T of the time scale T; 0 and 0 where H is not fed back.
 
     Returns
     -------
@@ -277,7 +283,9 @@ def advise(
         raise ValueError("sample_step (seconds) must be given with samples")
     else:
         signal = sampled(samples, sample_step)
-    job = Job(error, length, columns, kernel, memory, use, signal, calibrated() if machine is None else machine)
+    drag = 1.0 / signal.scale if relaxation is None else _validate.non_negative("relaxation", relaxation, "1/s")
+    strength = signal.scale**-0.5 if coefficient is None else _validate.non_negative("coefficient", coefficient, "s^(-1/2)")
+    job = Job(error, length, columns, kernel, memory, use, signal, calibrated() if machine is None else machine, drag, strength)
     found = [best for family in families(job) if (best := job.longest(family) if dt is None else job.predicted(family, dt)) is not None]
     found.sort(key=lambda candidate: (not candidate.meets, candidate.seconds if candidate.meets else candidate.error))
     return Advice(tuple(found), error, signal.scale)
@@ -421,6 +429,8 @@ class Job:
     use: str
     signal: Signal
     machine: Machine
+    relaxation: float
+    coefficient: float
 
     def steps(self, dt: float) -> int:
         """Steps to the end of the path."""
@@ -446,6 +456,8 @@ class Job:
             window, tail = remembered(rule, dt, steps, self.kernel)
             if window is None and (isinstance(rule, Windowed) or (self.use == "stream" and steps > LONGEST)):
                 return None  # no window, or no room
+            if self.use == "stream" and dt > longest_step(rule, self.relaxation, self.coefficient):
+                return None  # diverges
             wrong = self.signal.error(rule._remembered, dt, self.kernel)
         except ValueError:  # no form for the kernel, no sum that reaches so far
             return None

@@ -95,6 +95,8 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--components", type=int, default=3, show_default=True, help="Components of each particle.")
 @click.option("--memory", type=float, default=math.inf, help="Bytes that may be needed at most.  [default: no limit]")
 @click.option("--use", default="stream", show_default=True, help="stream: one sample after the other; path: all samples are there.")
+@click.option("--relaxation", type=float, help="λ of the equation that a stream is for, 1/s: schemes whose steps diverge are left out.  [default: 1/T]")
+@click.option("--coefficient", type=float, help="c of its history, s^(-1/2); both 0 where H is not fed back.  [default: 1/√T]")
 @with_kernel
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
     """Rank the schemes by predicted error, time and bytes, and say which one to take."""

@@ -301,12 +301,12 @@ class ExponentialSum:
         return cls(a * np.sqrt(math.e / (t * window)), 0.5 / (t * window), window, math.inf, BassetKernel())
 
 
-def has_geometric(kernel: Kernel) -> bool:
-    """Whether `geometric` knows the kernel: s^(-1/2) at all lags."""
+def _has_geometric(kernel: Kernel) -> bool:
+    """Whether `_geometric` knows the kernel: s^(-1/2) at all lags."""
     return isinstance(kernel, BassetKernel) or (isinstance(kernel, MeiAdrianKernel) and kernel.steepness == 0.0)
 
 
-def geometric(near: float, far: float, rtol: float, kernel: Kernel) -> ExponentialSum:
+def _geometric(near: float, far: float, rtol: float, kernel: Kernel) -> ExponentialSum:
     """s^(-1/2) on any range: the trapezoidal rule of (1/√π) ∫ e^(u/2) exp(−s e^u) du, some twice the terms of a minimax sum.
 
     Its error is 2√2 e^(−π²/step) of the value, and what lies beyond both ends.

@@ -17,7 +17,7 @@ from basset._stream import peek, run
 from basset.kernels import Floats
 from basset.quadrature import Daitche
 from basset.solvers import _march
-from basset.solvers.stability import adams_moulton
+from basset.solvers.stability import adams_moulton, diverging
 from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.roughness import facing
@@ -266,6 +266,8 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
             path,
             engine.prescribed,
         )
+        if diverging(path[:done, 1 + n :]):
+            code = UNSOLVED
         if scene.run.trajectory:
             kept.append(path[:done].copy())
         if code == IMPACT:
@@ -292,7 +294,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
                 continue
         if code != _march.FULL:
             break
-    status, message = ending(code, grain, ("failed", "the step's equation did not converge: try a smaller solver.dt"))
+    status, message = ending(code, grain, ("failed", "the steps diverge: take a smaller solver.dt or a lower history.order"))
     table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))
     result = Result.of(engine, table, None, status, message, grain.spin)
     if scene.run.trajectory:

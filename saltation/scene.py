@@ -35,6 +35,7 @@ FEWEST = 1e-9  # d/u*: of a run's duration
 MOST_STEPS = 1e8  # fixed ones
 MOST_TIMES = 10**7  # that are kept of a cloud
 FINEST = 1e-13  # relative error of sums of exponentials
+FINEST_STEPS = {"mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # solver.rtol that flights with these kernels keep
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
 
@@ -409,6 +410,8 @@ class Basis(Table):
         self._check_duration()
         if "history" in names:
             self._check_history()
+        if self.solver.method != "collocation":
+            self._check_steps()
         if "encounters" in names and self.cloud is None:
             raise ValueError("effects: 'encounters' needs more than one grain: add a [cloud] table with number and concentration")
         if self.cloud is not None:
@@ -473,6 +476,20 @@ class Basis(Table):
                 f"got {self.cloud.interval:g} d/u*: give a longer one, or run.trajectory = false"
             )
 
+    def _check_steps(self) -> None:
+        """Fixed steps have to be stable for the drag of a grain at rest, the least there is, and the history."""
+        from basset.quadrature import Daitche
+        from basset.solvers.stability import longest_step
+
+        n, names, dt = self.numbers, self.names, float(self.solver.dt or 0.0)
+        rule = self.history_rule() if "history" in names else Daitche(1)
+        rate, coefficient = 18.0 * n.alpha / n.reynolds * ("drag" in names), n.history * ("history" in names)
+        longest = longest_step(rule, rate, coefficient, self.solver.method == "runge_kutta_4")
+        if dt > longest:
+            raise ValueError(
+                f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order takes longer ones"
+            )
+
     def _check_history(self) -> None:
         """Scheme and solver have to fit."""
         options = self.options("history")
@@ -491,6 +508,10 @@ class Basis(Table):
                 "take scheme = 'exponential' and solver.method = 'collocation', or kernel = 'basset'"
             )
         if self.solver.method == "collocation":
+            finest = FINEST_STEPS.get(options.kernel, 0.0)
+            if self.solver.rtol < finest:
+                what = "its powers of time are none that a step can hold to more digits"
+                raise ValueError(f"solver.rtol must be {finest:g} or greater for history.kernel = {options.kernel!r}, got {self.solver.rtol:g}: {what}")
             if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
                 what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
                 raise ValueError(f"history: {what} samples the past at fixed steps: take solver.method = 'fixed_step' with dt, or scheme = 'exponential'")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from basset._compile import is_compiled, rate_function
-from basset.exponentials import ExponentialSum, geometric, has_geometric
+from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.solvers import _march
 from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, speed, stretches
@@ -146,7 +146,11 @@ def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, sing
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
-class TooFast(Exception):
+PATIENCE = 4  # looks for a jump of fun from one place
+CHATTER = 20  # jumps with the state within a millionth of the span
+
+
+class TooFastError(Exception):
     """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
 
 
@@ -163,7 +167,7 @@ def integrate(method: Collocation, task: Task, trace: Trace) -> None:
     for depth in range(len(DEPTHS)):
         try:
             return Integration(method, task, trace, depth).run()
-        except TooFast:
+        except TooFastError:
             trace.times[1:], trace.states[1:], trace.pieces[:], trace.steps = [], [], [], 0
             task.events[:] = [replace(event, times=[], states=[]) for event in events]
 
@@ -182,6 +186,8 @@ class Integration:
         self.stretches = stretches(task)  # the running one first
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
         self.beyond: Floats | None = None  # y' behind it
+        self.looks = (math.nan, 0)  # where, how often
+        self.found: list[float] = []  # when a jump with the state was found
         stretch = self.stretches[0]
         self.problem = _march.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
@@ -204,7 +210,7 @@ class Integration:
         closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
             self.depth += 1
-            if self.depth == len(DEPTHS) or (self.depth > 1 and not has_geometric(task.kernel)):
+            if self.depth == len(DEPTHS) or (self.depth > 1 and not _has_geometric(task.kernel)):
                 raise SolverError(f"breaks {closest:.2g} s apart are too close for a span of {span:.6g} s and {task.kernel!r}")
         near, floor = DEPTHS[self.depth]
         self.problem = self.problem._replace(floor=floor * span)
@@ -221,7 +227,7 @@ class Integration:
         far = self.problem.span * (1.0 + 1e-9)
         tolerance = 0.1 * self.problem.rtol
         if far > 1e12 * near * 1.001:
-            return geometric(near, far, tolerance, self.task.kernel)
+            return _geometric(near, far, tolerance, self.task.kernel)
         while True:
             try:
                 return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
@@ -274,7 +280,7 @@ class Integration:
                 elif code == _march.TOO_SMALL and self._look():
                     continue
                 elif code == _march.TOO_SMALL and self._fades():
-                    raise TooFast
+                    raise TooFastError
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
         finally:
@@ -286,7 +292,13 @@ class Integration:
         numbers, deeper = self.state.numbers, self.depth + 1
         if deeper == len(DEPTHS) or numbers[_march.TIME] - numbers[_march.JUMPED] > 1e4 * self.problem.floor:
             return False
-        return not self.remembers or DEPTHS[deeper][0] >= 1e-12 or has_geometric(self.task.kernel)
+        if not self.remembers or _has_geometric(self.task.kernel):
+            return True
+        try:
+            ExponentialSum.fit(DEPTHS[deeper][0] * 1.001 * self.problem.span, self.problem.span, 1e-3, self.task.kernel)
+        except ValueError:
+            return False
+        return True
 
     def _turn(self) -> bool:
         """Go on beyond the end of the running stretch; False at the end of the last."""
@@ -324,7 +336,8 @@ class Integration:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
         state, numbers, task, problem = self.state, self.state.numbers, self.task, self.problem
         t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
-        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0:
+        self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
+        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
             return False
         piece, y, slope = self.trace.pieces[-1], state.y.copy(), state.rate.copy()
         scale = np.maximum(problem.atol + problem.rtol * np.abs(y), 1e-300)
@@ -363,7 +376,7 @@ class Integration:
                 return False
             place = ahead(high)
             in_time = apart(rates(low, place), rates(high, place)) > 0.5 * jump
-        except SolverError:
+        except SolverError:  # fun is not finite there
             return False
         rest = self.stretches[0]
         if in_time:
@@ -372,6 +385,9 @@ class Integration:
             self.approaching = True
             self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
         else:
+            self.found.append(t)
+            if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * problem.span:
+                raise SolverError(f"fun pushes the state back to where it jumps, from either side, at t = {t:.6g}: sliding, as with friction that sticks")
             self.beyond = slope + after - before
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]

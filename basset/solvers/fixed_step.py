@@ -17,7 +17,7 @@ from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
 from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, fire, speed, stretches
-from basset.solvers.stability import adams_moulton, bounds, degree_of, longest_step, stable
+from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton, bounds, degree_of, longest_step, stable
 from basset.streaming import Plan, State
 
 
@@ -67,8 +67,8 @@ def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Stretch]]:
         node = round(place)
         if abs(place - node) > 1e-9 * max(1.0, place):
             raise ValueError(
-                f"breaks must lie on the nodes of fixed steps, got {stretch.end!r} between two of {dt:.6g} s: take a dt that divides its distance from the start, "
-                "or Collocation"
+                f"breaks must lie on the nodes of fixed steps, got {stretch.end!r} between two of {dt:.6g} s: take a dt that divides "
+                "its distance from the start, or Collocation"
             )
         if node > (found[-1][0] if found else 0):
             found.append((min(node, count), stretch))
@@ -77,10 +77,6 @@ def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Stretch]]:
 
 class Watch:
     """Looks at the newest rates: an unstable step makes them alternate in sign and grow."""
-
-    WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # what alternates, and little of what is smooth
-    STEPS = 16  # in a row: no smooth solution and no rounding does that
-    SHARE = 1e-6  # of the rates themselves
 
     def __init__(self) -> None:
         self.rates: list[Floats] = []
@@ -94,12 +90,12 @@ class Watch:
         self.rates = [*self.rates[-4:], rate]
         if len(self.rates) < 5:
             return
-        now = self.WEIGHTS @ self.rates
+        now = ALTERNATING @ self.rates
         if len(self.last):
             largest = int(np.abs(now).argmax())
             grows = now[largest] * self.last[largest] < 0.0 and abs(now[largest]) >= abs(self.last[largest])
             self.grown = self.grown + 1 if grows else 0
-            if self.grown >= self.STEPS and abs(now[largest]) > self.SHARE * max(abs(rates[largest]) for rates in self.rates):
+            if self.grown >= IN_A_ROW and abs(now[largest]) > SHARE * max(abs(rates[largest]) for rates in self.rates):
                 raise SolverError(f"steps of {run.dt:.3g} s diverge with {run.rule!r} at t = {t:.6g}: {SHORTER}")
         self.last = now
 
@@ -271,9 +267,9 @@ class FixedStep(_Grid):
     Degree 1 and the rules of lower order are stable for any drag and any history; from degree 2 on rate·dt/A + c√dt/B must stay
     below 1: A = 6, 3, 1.8, 1.2, 0.77, 0.49, 0.31, 0.19, 0.11 and B = 17, 2.2, 1.1, 0.54, 0.29, 0.17, 0.10, 0.060, 0.034 for
     degrees 2 to 10. A step that is too long for what `fun` is at the start, and rates that alternate and grow on the way, end
-    in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing: first order in dt at best. After a jump, and after an
-    initial slip, the solution goes as √t: whatever the degree, the largest error over the path then falls as h^(1/2) with
-    rates and as h with slips; from rest as h^(3/2) and h².
+    in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing:
+    first order in dt at best. After a jump, and after an initial slip, the solution goes as √t: whatever the degree, the
+    largest error over the path then falls as h^(1/2) with rates and as h with slips; from rest as h^(3/2) and h².
 
     Parameters
     ----------

@@ -1,0 +1,107 @@
+"""How long fixed steps may be: the limits against runs, and what is made of steps beyond them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import basset
+from basset.solvers.stability import bounds, diverging, longest_step
+
+pytestmark = pytest.mark.analytic
+
+FORMS = ["rate", "slip", "held"]
+
+
+def grows(p: int, form: str, product: float, history: float) -> bool:
+    """Whether alternating samples of y' = −λy − c·H[y] grow at dt = 1: by the recurrence itself, written down anew."""
+    from basset.solvers.stability import adams_moulton
+
+    steps = 1500
+    w, a = basset.Daitche(p).weights(2 * steps, 1.0)[: steps + 1], adams_moulton(p)
+    factor = sum((-product) ** k / math.factorial(k) for k in range(5))
+    share = (1.0 - factor) / product
+    y, rates, path = 1.0, np.zeros(steps), np.zeros(steps)
+    for n in range(steps):
+        tail = float(w[1 : n + 1] @ rates[n - 1 :: -1][:n]) if n else 0.0
+        if form == "held":
+            rates[n] = (-product * y - history * tail) / (1.0 + history * w[0])
+            y = factor * y - share * history * (tail + w[0] * rates[n])
+        else:
+            known = y + sum(a[k] * rates[n - k] for k in range(1, p + 1) if n >= k)
+            rates[n] = (-product * known - history * tail) / (1.0 + history * w[0] + product * a[0])
+            y = known + a[0] * rates[n]
+        path[n] = abs(y)
+        if path[n] > 1e100:
+            return True
+    return bool(path[-200:].max() > path[steps // 2 : steps // 2 + 200].max())
+
+
+@pytest.mark.parametrize("form", ["implicit", "held"])
+@pytest.mark.parametrize("p", range(2, 11))
+@pytest.mark.parametrize("ratio", [0.0, 0.5])
+def test_the_limit_of_every_degree(p, form, ratio):
+    """c²/λ = ratio: stable at 0.97 of the limit, not at 1.1."""
+    limit = longest_step(basset.Daitche(p), 1.0, math.sqrt(ratio), form == "held")
+    for share, expected in ((0.97, False), (1.1, True)):
+        dt = share * limit
+        assert grows(p, form, dt, math.sqrt(ratio * dt)) == expected
+
+
+def test_rules_without_a_limit():
+    for rule in (basset.Daitche(1), basset.EulerMaclaurin(), basset.SemiDerivative(), basset.Brush(), basset.Hinsberg(tail=False)):
+        assert bounds(rule) == (math.inf, math.inf)
+        assert longest_step(rule, 1e9, 1e9) == math.inf
+
+
+def test_the_bounds_of_adams_and_moulton():
+    assert [round(bounds(basset.Daitche(p))[0], 6) for p in (2, 3, 4, 5)] == [6.0, 3.0, round(90 / 49, 6), round(45 / 38, 6)]
+
+
+@pytest.mark.parametrize("p", [5, 6, 8, 10])
+@pytest.mark.parametrize("form", FORMS)
+def test_steps_that_diverge_are_no_success(p, form):
+    """y' = −y + sin t, c = 0.6 at five times the limit; at half of it the sine comes out."""
+    rule = basset.Daitche(p)
+    limit = longest_step(rule, 1.0, 0.6, form == "held")
+    result = basset.solve(
+        lambda t, y: -y + np.sin(t), (0.0, max(20.0, 2000 * limit)), [0.0], coefficient=0.6,
+        method=basset.RungeKutta4(5 * limit, rule) if form == "held" else basset.FixedStep(5 * limit, rule, input=form),
+    )  # fmt: skip
+    assert result.status == -1
+    assert "diverge" in result.message
+
+
+def test_drag_that_grows_on_the_way_is_noticed():
+    """Stable at the start, not later: quadratic drag, and drag that grows with time."""
+    for fun, p, form in ((lambda t, y: -y - 50.0 * abs(y) * y + 30.0 * t, 5, "rate"), (lambda t, y: -0.5 * y * (1.0 + t) ** 2 + 1.0, 4, "slip")):
+        result = basset.solve(fun, (0.0, 30.0), [0.0], coefficient=0.6, method=basset.FixedStep(0.02, basset.Daitche(p), input=form))
+        assert result.status == -1
+        assert "diverge" in result.message
+        assert np.abs(result.y).max() < 1e3
+
+
+def test_what_diverges_is_told_from_what_oscillates():
+    n = np.arange(200.0)[:, None]
+    assert diverging(np.sin(0.1 * n) + 1e-5 * (-1.05) ** n)
+    assert not diverging(np.sin(0.1 * n) + 1e-3 * (-0.95) ** n)
+    assert not diverging(np.random.default_rng(1).normal(size=(200, 3)))
+    assert not diverging(np.exp(0.1 * n) * np.sin(n))
+
+
+@pytest.mark.parametrize("dt", [0.08, 0.3, 0.02])
+def test_advice_for_a_solver_is_stable_there(dt):
+    found = basset.advise(1e-8, time_scale=1.0, dt=dt, steps=1000)
+    assert all(longest_step(candidate.rule, 1.0, 1.0) >= dt for candidate in found.candidates)
+    free = basset.advise(1e-8, time_scale=1.0, dt=dt, steps=1000, relaxation=0.0, coefficient=0.0)
+    assert len(free.candidates) > len(found.candidates)
+
+
+@pytest.mark.parametrize("bad", [-1.0, math.nan])
+def test_bad_numbers(bad):
+    with pytest.raises(ValueError, match="rate must be"):
+        longest_step("daitche", bad, 1.0)
+    with pytest.raises(ValueError, match="coefficient must be"):
+        basset.advise(1e-3, time_scale=1.0, duration=1.0, coefficient=bad)
