@@ -33,7 +33,7 @@ from saltation._files import write
 from saltation.result import UNITS, Result
 from saltation.scene import AUTO, Scene, SceneError, read, scene_of, shipped
 from saltation.simulation import begun
-from saltation.workers import processes
+from saltation.workers import cores, processes
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
 SERIES = {"thesis": campaigns.thesis, "grains": campaigns.grains}
@@ -77,7 +77,7 @@ def split_field(option: str, text: str) -> tuple[list[str], str]:
 
 def value_of(text: str) -> Any:
     """A value as in TOML; words need no quotes."""
-    with contextlib.suppress(tomllib.TOMLDecodeError):
+    with contextlib.suppress(ValueError, RecursionError):  # no TOML, an integer of thousands of digits, or lists too deep
         found = tomllib.loads(f"value = {text}")
         if set(found) == {"value"}:
             return found["value"]
@@ -86,7 +86,7 @@ def value_of(text: str) -> Any:
 
 def values_of(text: str) -> list[Any]:
     """Values separated by commas."""
-    with contextlib.suppress(tomllib.TOMLDecodeError):
+    with contextlib.suppress(ValueError, RecursionError):
         found = tomllib.loads(f"values = [{text}]")
         if set(found) == {"values"}:
             return list(found["values"])
@@ -311,6 +311,7 @@ def campaign(
         raise Mistake(f"--output must be a folder, got the file {str(output)!r}")
     measured = read_reference(reference) if reference is not None else None
     runs, models = planned(what, changes, varied)
+    workers = workers and min(workers, len(runs), cores())
     with stoppable(output), executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
         columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
         with progress("campaign", *columns, total=len(runs)) as report:
