@@ -57,7 +57,10 @@ def contents(draw):
     if draw(st.integers(0, 5)) == 0:
         content["solver"] = {"method": one_of("fixed_step", "runge_kutta_4"), "dt": draw(decades(1e-3, 0.05))}
         if "history" in effects:
-            content["history"] = {"rebound": content["history"]["rebound"], "scheme": one_of("exponential", "daitche", "semi_derivative", "hinsberg", "windowed")}
+            content["history"] = {
+                "rebound": content["history"]["rebound"],
+                "scheme": one_of("exponential", "daitche", "semi_derivative", "hinsberg", "windowed"),
+            }
             if content["history"]["scheme"] in ("hinsberg", "windowed"):
                 content["history"]["window"] = draw(decades(1e-3, 3.0))
             if content["history"]["scheme"] == "windowed":
