@@ -111,14 +111,16 @@ def test_fixed_steps_end_where_they_are_told_to(method, steps):
     assert float(result.trajectory["w"][-1]) == pytest.approx(float(sharp.trajectory["w"][-1]), rel=0.1)
 
 
+FINE = {"solver": {"method": "fixed_step", "dt": 1e-12}, "effects": ["weight"], "history": None}
+COARSE = {"solver": {"method": "fixed_step", "dt": 0.1}}
 FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
 
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"solver": {"method": "fixed_step", "dt": 1e-6}, "history": {"scheme": "daitche"}}, ("1e+08 steps", "solver.dt")),
-    ({"solver": {"method": "fixed_step", "dt": 0.1}, "history": {"scheme": "windowed", "window": 0.03}}, ("history.window", "one step", "d/u*")),
-    ({"solver": {"method": "fixed_step", "dt": 0.1}, "history": {"scheme": "hinsberg", "window": 0.09}}, ("history.window", "one step", "d/u*")),
-    ({"solver": {"method": "fixed_step", "dt": 0.1}, "history": {"scheme": "windowed", "window": 0.1, "order": 3, "tail": "fitted"}}, ("history.window", "2 steps")),
+    (COARSE | {"history": {"scheme": "windowed", "window": 0.03}}, ("history.window", "one step", "d/u*")),
+    (COARSE | {"history": {"scheme": "hinsberg", "window": 0.09}}, ("history.window", "one step", "d/u*")),
+    (COARSE | {"history": {"scheme": "windowed", "window": 0.1, "order": 3, "tail": "fitted"}}, ("history.window", "2 steps")),
     (FIXED | {"history": {"scheme": "windowed", "rule": "semi_derivative", "window": 3.0, "tail": "fitted"}}, ("history.tail", "daitche", "semi_derivative")),
     (FIXED | {"history": {"scheme": "windowed", "rule": "brush", "window": 3.0, "tail": "van_hinsberg"}}, ("history.tail", "daitche", "brush")),
     (FIXED | {"history": {"scheme": "windowed", "window": 3.0, "rtol": 1e-6}}, ("history.rtol", "tail")),
@@ -127,7 +129,7 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("kernel = 'basset'", "scheme = 'exponential'")),
     (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "daitche"}}, ("kernel = 'basset'", "solver.method = 'collocation'")),
     ({"run": {"jumps": None, "discard": 0, "duration": 1e-300}}, ("run.duration", "1e-09")),
-    ({"solver": {"method": "fixed_step", "dt": 1e-12}, "effects": ["weight"], "history": None, "run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
+    (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
 ])  # fmt: skip
 def test_check_refuses_what_a_run_would(changes, words):
     content = merged(read("sand"), changes)
