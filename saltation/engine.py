@@ -100,7 +100,7 @@ def local_shortfall(stages: int, c1: float) -> Floats:
 def first_horizon(scene: Any) -> float:
     """How far the memory of a run reaches at first, d/V: the scene's horizon, unless that is long and a shorter one may do."""
     if scene.widens:
-        return float(min(scene.horizon, BRIEF))
+        return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
     needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
     return float(min(scene.horizon, max(EASY, needed)))
 

@@ -185,7 +185,8 @@ class Heir:
         tables, where = self.engine.tables, self.engine.problem.where
         for h, kind, values in zip(record.size[:done], record.kind[:done], record.values[:done], strict=True):
             if (h, kind) not in self.known:
-                self.known[h, kind] = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))[1:3]
+                found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
+                self.known[h, kind] = found[1], found[2]
             decay, gained = self.known[h, kind]
             self.past = decay * self.past + values[:, where].T @ gained
 
