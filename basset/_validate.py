@@ -13,7 +13,10 @@ import numpy as np
 
 def shown(value: Any, limit: int = 60) -> str:
     """`value` as it can stand in a sentence: short, on one line."""
-    text = " ".join(repr(value).split())
+    try:
+        text = " ".join(repr(value).split())
+    except (ValueError, RecursionError):  # integers of thousands of digits, lists too deep in each other
+        text = f"{type(value).__name__} too long to be shown"
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 

@@ -28,7 +28,7 @@ from saltation.effects.base import Setting, Situation
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flow import PROFILES, both
-from saltation.scene import AUTO, SceneError, scene_of
+from saltation.scene import AUTO, LONGEST, SceneError, scene_of
 from saltation.simulation import run
 
 __all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "combinations", "extent", "shares", "spreads", "typical", "uncertainty", "variants"]
@@ -208,6 +208,8 @@ def _share(scene: Any, name: str, module: Any, setting: Setting, jump: Typical, 
         if built is None:
             return 1.0, "the spin is prescribed"
         loss = max(abs(built.torque(s)[1]) for s in situations) * jump.duration / max(jump.spin, 1e-300)
+        if loss >= 1.0:
+            return 1.0, f"friction takes the spin within {jump.duration / loss:.2g} d/V, in a jump of {jump.duration:.2g} d/V all of it"
         return loss, f"in a jump of {jump.duration:.2g} d/V friction changes the spin by {loss:.1%}"
     if built is None:
         return 0.0, "no force in this form"
@@ -258,12 +260,19 @@ def listed(scene: Any) -> Any:
 
 
 def long(scene: Any, jumps: int) -> Any:
-    """The scene with so many jumps that count, and a memory as long; a run for a time stays as long as it is."""
+    """The scene with so many jumps that count; a run for a time stays as long as it is.
+
+    A horizon that is given holds for the scene's own number of jumps: it grows with them. One that is shorter than the default
+    is left out, so that the memory follows the flights.
+    """
     if scene.run.jumps is None:
         return scene
-    tables: dict[str, Any] = {"run": {"jumps": jumps + scene.run.discard}}
-    if scene.history is not None:
-        tables["history"] = {"horizon": None}
+    wanted = jumps + scene.run.discard
+    tables: dict[str, Any] = {"run": {"jumps": wanted}}
+    if scene.history is not None and scene.history.horizon is not None:
+        usual = changed(scene, **tables, history={"horizon": None})
+        horizon = min(LONGEST, scene.history.horizon * max(1.0, wanted / scene.run.jumps))
+        tables["history"] = {"horizon": horizon if horizon > usual.horizon else None}
     return changed(scene, **tables)
 
 

@@ -159,10 +159,15 @@ def computed(scene: Any) -> dict[str, str]:
         if "encounters" in scene.names:
             pairs = scene.options("encounters")
             found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, {scene.cloud.boundary} along and across"
-    solver = scene.solver
-    found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
-    length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
+    solver, unit = scene.solver, unit_of_time(scene)
+    found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} {unit}"
+    time = f"{scene.run.duration:g} s ({scene.run.duration / scene.numbers.time:.4g} {unit})" if scene.run.duration is not None else ""
+    length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else time
     found["run"] = f"{length}; seed {scene.run.seed}"
+    if scene.bed is not None:
+        found["ends early"] = f"where the grain lies still, creeps along the bed or flies longer than {scene.longest_flight:.4g} {unit}"
+    if stream is None:
+        found["units"] = f"d = {scene.grain.diameter:g} m, V = √(|R| g d) = {scene.numbers.velocity:.4g} m/s, in place of u*; times in d/V"
     if scene.effects == AUTO:
         found["effects"] = "all of them here; a run first finds out by measurement which can be left out"
     return found
@@ -173,8 +178,15 @@ def _memory(scene: Any, engine: Engine) -> str:
     after = f"; at a rebound: {options.rebound}" if scene.bed is not None else ""
     if scene.solver.method != "collocation":
         return f"{engine.members} components of the slip, {scene.history_rule()!r}{after}"
+    grows = engine.problem.end < engine.end or (options.horizon is None and scene.run.duration is None)
+    reach = f"{engine.horizon:g} {unit_of_time(scene)} long{', more where the run outlasts it' if grows else ''}"
     last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
-    return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {engine.horizon:g} d/u* long{last}{after}"
+    return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {reach}{last}{after}"
+
+
+def unit_of_time(scene: Any) -> str:
+    """In still water there is no u*."""
+    return "d/u*" if scene.channel is not None else "d/V"
 
 
 def left_out(scene: Any) -> list[str]:
@@ -227,6 +239,25 @@ def ignored(scene: Any) -> list[str]:
     return [name for name in EFFECTS if name not in scene.names and getattr(scene, name) is not None]
 
 
+def _memory_ends(scene: Any) -> str:
+    """A memory that is given may end before the run."""
+    given = scene.options("history").horizon if "history" in scene.names else None
+    if given is None:
+        return ""
+    time = None if scene.run.duration is None else scene.run.duration / scene.numbers.time
+    if time is not None and time <= given:
+        return ""
+    lasts = "outlasts it" if time is None else f"lasts {time:.4g} {unit_of_time(scene)} and outlasts it"
+    return f"history.horizon = {given:g} {unit_of_time(scene)} is given: a run that {lasts} ends there; left out, the memory follows the flights"
+
+
+def _comes_to_rest(scene: Any) -> str:
+    """Nothing keeps a grain moving in still water."""
+    if scene.bed is None or scene.channel is not None or scene.bed.restitution == 1.0:
+        return ""
+    return "in still water the grain bounces lower each time and comes to rest: the run may end before its jumps"
+
+
 def warnings(scene: Any) -> list[str]:
     """What to be wary of, one sentence or two each.
 
@@ -255,9 +286,13 @@ def warnings(scene: Any) -> list[str]:
             f"suspension: the settling velocity {speed:.3g} m/s is below u* = {n.velocity:.3g} m/s (from T = {most:.3g} on); such grains are carried by "
             "turbulence, which is not computed (van Rijn 1984, J. Hydraul. Eng. 110, 1613)"
         )
-    if scene.bed is not None and ("weight" not in scene.names or n.density_ratio < 1.0):
-        why = "weight is not among the effects" if "weight" not in scene.names else "it is lighter than the fluid"
+    if scene.bed is not None and ("weight" not in scene.names or n.density_ratio <= 1.0):
+        lighter = "it is lighter than the fluid" if n.density_ratio < 1.0 else "it is as heavy as the fluid"
+        why = "weight is not among the effects" if "weight" not in scene.names else lighter
         found.append(f"the grain may never come down: {why}")
+    found += [text for text in (_memory_ends(scene), _comes_to_rest(scene)) if text]
+    if scene.bed is None and scene.run.longest_flight is not None:
+        found.append("run.longest_flight is ignored: without a [bed] there is no flight that is too long")
     for name in scene.names:
         found += getattr(EFFECTS[name], "warnings", lambda options, numbers: [])(scene.options(name), n)
     return found

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from saltation.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
     from saltation.simulation import begun
-    from saltation.workers import processes
+    from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
     pd, _validate = Later("pandas"), Later("basset._validate")
     Table = Later("rich.table", "Table")
@@ -47,7 +47,8 @@ else:  # the help needs none of them, most commands a few
         Later(f"saltation.{name}") for name in ("advice", "advice_plots", "campaigns", "checks", "grains", "statistics")
     )
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
-    begun, processes = Later("saltation.simulation", "begun"), Later("saltation.workers", "processes")
+    begun = Later("saltation.simulation", "begun")
+    cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
 SERIES = {name: Later("saltation.campaigns", name) for name in ("thesis", "grains")}
@@ -95,7 +96,7 @@ def split_field(option: str, text: str) -> tuple[list[str], str]:
 
 def value_of(text: str) -> Any:
     """A value as in TOML; words need no quotes."""
-    with contextlib.suppress(tomllib.TOMLDecodeError):
+    with contextlib.suppress(ValueError, RecursionError):  # no TOML, an integer of thousands of digits, or lists too deep
         found = tomllib.loads(f"value = {text}")
         if set(found) == {"value"}:
             return found["value"]
@@ -104,7 +105,7 @@ def value_of(text: str) -> Any:
 
 def values_of(text: str) -> list[Any]:
     """Values separated by commas."""
-    with contextlib.suppress(tomllib.TOMLDecodeError):
+    with contextlib.suppress(ValueError, RecursionError):
         found = tomllib.loads(f"values = [{text}]")
         if set(found) == {"values"}:
             return list(found["values"])
@@ -331,6 +332,7 @@ def campaign(
         raise Mistake(f"--output must be a folder, got the file {str(output)!r}")
     measured = read_reference(reference) if reference is not None else None
     runs, models = planned(what, changes, varied)
+    workers = workers and min(workers, len(runs), cores())
     with stoppable(output), executor_of(workers, scheduler) as executor, mistakes_of_files("--output"):
         columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
         with progress("campaign", *columns, total=len(runs)) as report:

@@ -100,9 +100,16 @@ def local_shortfall(stages: int, c1: float) -> Floats:
 def first_horizon(scene: Any) -> float:
     """How far the memory of a run reaches at first, d/V: the scene's horizon, unless that is long and a shorter one may do."""
     if scene.widens:
-        return float(min(scene.horizon, BRIEF))
+        return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
     needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
     return float(min(scene.horizon, max(EASY, needed)))
+
+
+def relaxation(scene: Any) -> float:
+    """The shorter of the times in which drag and history slow a grain down, d/V: steps must be able to resolve it."""
+    n, names = scene.numbers, scene.names
+    drag = n.reynolds / (18.0 * n.alpha) if "drag" in names else math.inf
+    return min(drag, 1.0 / (math.pi * n.history**2)) if "history" in names else drag
 
 
 class Engine:
@@ -144,7 +151,8 @@ class Engine:
         if scene.cloud is None:  # steps grow with what a flight may last
             longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
             span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, span)
+        floor = min(FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, 0.01 * relaxation(scene))
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span)
         self.end = end
         if scene.widens and horizon is not None:
             end = min(end, horizon)  # then a longer memory takes over

@@ -569,7 +569,8 @@ class Basis(Table):
         """
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
-        scheme, known = SCHEMES[options.scheme], {"order", "rtol"} if options.scheme == "windowed" else set()
+        scheme: Any = SCHEMES[options.scheme]
+        known = {"order", "rtol"} if options.scheme == "windowed" else set()
         for word in given:
             if word not in known | {field.name for field in dataclasses.fields(scheme)}:
                 raise ValueError(f"history.{word} has no meaning for scheme = {options.scheme!r}")

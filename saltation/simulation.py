@@ -26,6 +26,7 @@ __all__ = ["run"]
 
 CHUNK = 4096  # steps between two visits of the caller
 STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain lies still
+RENEWED = 16  # the same without a bed
 MOST_KEPT = 2**16  # steps of a path without jumps; of a longer one every second, every fourth, … is kept
 WIDER = 1e3  # so much farther reaches the memory that takes over, where nothing jumps any more
 GROWTH = 64.0  # of a memory that was too short, at most
@@ -149,9 +150,12 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     heirs = [Heir(engine, grain)] if engine.problem.end < engine.end else []
     while heirs and heirs[-1].engine.problem.end < engine.end:
         heirs.append(Heir(heirs[-1].engine, grain))
-    recording = scene.run.trajectory or bool(heirs)
-    record = empty_record(CHUNK if recording else 1, engine.tables.count, engine.states)
+    recording = scene.run.trajectory or scene.bed is None
+    aloft = scene.bed is None  # steps grow: noise of the velocities counts for the positions, so the Jacobian is renewed often
+    record = empty_record(RENEWED if aloft else CHUNK if recording else 1, engine.tables.count, engine.states)
     while True:
+        if aloft:
+            grain.state.numbers[_march.KNOWN] = 0.0
         table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
         grain.flight[flight.DONE] = 0.0
         code, done = grain.fly(record, recording, table)
@@ -191,7 +195,8 @@ class Heir:
         tables, where = self.engine.tables, self.engine.problem.where
         for h, kind, values in zip(record.size[:done], record.kind[:done], record.values[:done], strict=True):
             if (h, kind) not in self.known:
-                self.known[h, kind] = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))[1:3]
+                found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
+                self.known[h, kind] = found[1], found[2]
             decay, gained = self.known[h, kind]
             self.past = decay * self.past + values[:, where].T @ gained
 

@@ -357,7 +357,7 @@ def _reference_row(where: str, fields: dict[str, str]) -> dict[str, Any]:
     if not row["source"]:
         raise ValueError(f"{where}: source must say where the numbers come from, got an empty field")
     row["T"] = number("T", "a transport stage greater than 0", lambda value: value > 0.0)
-    row["mean"] = number("mean", "a finite number", lambda value: True)
+    row["mean"] = number("mean", "a number greater than 0", lambda value: value > 0.0)
     row["sd"] = number("sd", "a finite number, 0 or greater, or empty", lambda value: value >= 0.0, empty=True)
     count = number("n", "a whole number, 1 or greater, or empty", lambda value: value >= 1.0 and value.is_integer(), empty=True)
     row["n"] = None if math.isnan(count) else int(count)

@@ -15,7 +15,7 @@ import saltation
 from basset import reference
 from basset._compile import is_compiled
 from basset.solvers import _march
-from saltation import encounters, flight
+from saltation import encounters, fixed, flight
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
 
@@ -49,7 +49,7 @@ def scene(name: str, **changes: Any) -> Any:
 def interpreted() -> Iterator[None]:
     """The flight as plain Python: the same source, nothing to compile for a combination of effects that one test needs."""
     with contextlib.ExitStack() as stack:
-        for module in (flight, encounters, _march):
+        for module in (flight, fixed, encounters, _march):
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))

@@ -1,0 +1,203 @@
+"""A run that is accepted ends as asked: memories that follow the flights, long falls, odd lengths, and refusals that `check` knows."""
+
+from __future__ import annotations
+
+import math
+import tracemalloc
+
+import numpy as np
+import pytest
+from scene_cases import merged, run_plain, scene
+
+import saltation
+from saltation import advice, checks, engine
+from saltation.advice import changed
+from saltation.cli import value_of
+from saltation.scene import SceneError, read, scene_of
+
+FALL = ["weight", "drag", "added_mass"]
+
+
+def falling(diameter, duration, fluid=(1000.0, 1e-6), density=2650.0, effects=FALL, **more):
+    """A grain in still water or air without a bed; duration in s."""
+    content = {"effects": effects, "fluid": {"density": fluid[0], "viscosity": fluid[1]}, "grain": {"density": density, "diameter": diameter}}
+    return scene_of(content | {"run": {"duration": duration}} | more)
+
+
+class TestMemory:
+    """It widens until the jumps are done."""
+
+    @pytest.mark.parametrize("first", [2.0, 5.0, 30.0])
+    @pytest.mark.parametrize("solver", [{}, {"method": "fixed_step", "dt": 0.02}])
+    def test_as_many_jumps_as_asked(self, first, solver, monkeypatch):
+        """From a memory that is too short, the run is the one whose memory was long enough, to the accuracy of their sums."""
+        made = scene("bouncing", run={"jumps": 6}, history={"rebound": "impulse"}, solver={"rtol": 1e-6 if not solver else 1e-5} | solver)
+        whole = run_plain(made)
+        monkeypatch.setattr(engine, "first_horizon", lambda scene: first)
+        result = run_plain(made)
+        assert result.status == "finished" and len(result.all_jumps) == 6
+        np.testing.assert_allclose(result.jumps["height"], whole.jumps["height"], rtol=1e-4)
+
+    def test_one_that_is_given_ends_the_run_and_is_announced(self):
+        made = scene("bouncing", history={"horizon": 4.0})
+        assert run_plain(made).status == "horizon"
+        assert any("history.horizon = 4" in text for text in checks.warnings(made))
+
+    @pytest.mark.parametrize("far", [1e8, 1e9])
+    def test_a_very_long_one_costs_no_accuracy(self, far):
+        plain, long = (run_plain(scene("bouncing", history=history)) for history in ({}, {"horizon": far}))
+        np.testing.assert_allclose(long.jumps["height"], plain.jumps["height"], rtol=1e-8)
+
+    @pytest.mark.parametrize("duration", [1e-9, 1e-7, 3e-4])
+    def test_very_short_ones(self, duration):
+        unit = saltation.load("settling").numbers.time
+        made = scene("settling", run={"duration": 1.01 * duration * unit})
+        result = run_plain(made)
+        assert result.status == "finished" and float(result.trajectory["time"][-1]) == pytest.approx(1.01 * duration, rel=1e-9)
+
+    def test_a_longer_run_keeps_what_is_given(self):
+        made = changed(saltation.load("sand"), history={"horizon": 1e5})
+        assert advice.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
+
+
+class TestWithoutABed:
+    """No flight is too long, and none is dear."""
+
+    @pytest.mark.parametrize(("diameter", "fluid", "density", "duration"), [
+        (1.5e-3, (1.2, 1.5e-5), 7800.0, 20.0),
+        (0.7e-3, (1.2, 1.5e-5), 2500.0, 60.0),
+        (1e-3, (1000.0, 1e-6), 2650.0, 3600.0),
+        (5e-6, (1000.0, 1e-6), 2650.0, 3600.0),
+        (5e-6, (1000.0, 1e-6), 2650.0, 86400.0),
+        (2e-5, (1.2, 1.5e-5), 2650.0, 86400.0),
+    ])  # fmt: skip
+    @pytest.mark.parametrize("law", ["yen", "schiller_naumann"])
+    def test_terminal_velocity(self, diameter, fluid, density, duration, law):
+        made = falling(diameter, duration, fluid, density, drag={"law": law}, run={"duration": duration, "longest_flight": 10.0})
+        tracemalloc.start()
+        result = run_plain(made)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert result.status == "finished" and result.trajectory.sizes["time"] < 3000 and peak < 1e8
+        assert -float(result.trajectory["w"][-1]) * made.numbers.velocity == pytest.approx(checks.settling_velocity(made), rel=1e-5)
+        assert float(result.trajectory["time"][-1]) * made.numbers.time == pytest.approx(duration, rel=1e-12)
+
+    @pytest.mark.parametrize("diameter", [5e-6, 2e-5])
+    def test_a_longer_memory_takes_over(self, diameter, monkeypatch):
+        """Stokes drag and history from rest: w = −(g/λ) (1 − S), S the response; from where memories changed it is the same."""
+        made = falling(diameter, 3600.0, effects=[*FALL, "history"], drag={"law": "stokes"}, start={"velocity": [0.0, 0.0, 0.0]}, solver={"rtol": 1e-7})
+        assert made.horizon > 10.0 * engine.BRIEF
+        result = run_plain(made)
+        monkeypatch.setattr(engine, "BRIEF", 1e12)
+        whole = run_plain(made)
+        w, again = (float(r.trajectory["w"][-1]) for r in (result, whole))
+        n = made.numbers
+        fall, rate, c = n.alpha / n.shields, 18.0 * n.alpha / n.reynolds, n.history
+        t = float(result.trajectory["time"][-1])
+        late = fall / rate * (1.0 - c / rate / math.sqrt(t))  # w = −(g/λ)(1 − c/(λ√t) + …) as K = t^(−1/2) and c includes its factor
+        assert -w == pytest.approx(late, rel=1e-6)
+        assert w == pytest.approx(again, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["fixed_step", "runge_kutta_4"])
+@pytest.mark.parametrize("steps", [10.5, 3.25, 100.9, 7.0])
+def test_fixed_steps_end_where_they_are_told_to(method, steps):
+    dt = 0.01
+    made = scene("settling", run={"duration": steps * dt * saltation.load("settling").numbers.time}, solver={"method": method, "dt": dt})
+    result = run_plain(made)
+    assert result.status == "finished"
+    assert float(result.trajectory["time"][-1]) == pytest.approx(steps * dt, rel=1e-12)
+    sharp = run_plain(scene("settling", run={"duration": steps * dt * made.numbers.time}))
+    assert float(result.trajectory["w"][-1]) == pytest.approx(float(sharp.trajectory["w"][-1]), rel=0.1)
+
+
+FINE = {"solver": {"method": "fixed_step", "dt": 1e-12}, "effects": ["weight"], "history": None}
+COARSE = {"solver": {"method": "fixed_step", "dt": 0.1}}
+FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"solver": {"method": "fixed_step", "dt": 1e-6}, "history": {"scheme": "daitche"}}, ("1e+08 steps", "solver.dt")),
+    (COARSE | {"history": {"scheme": "windowed", "window": 0.03}}, ("history.window", "one step", "d/u*")),
+    (COARSE | {"history": {"scheme": "hinsberg", "window": 0.09}}, ("history.window", "one step", "d/u*")),
+    (COARSE | {"history": {"scheme": "windowed", "window": 0.1, "order": 3, "tail": "fitted"}}, ("history.window", "2 steps")),
+    (FIXED | {"history": {"scheme": "windowed", "rule": "semi_derivative", "window": 3.0, "tail": "fitted"}}, ("history.tail", "daitche", "semi_derivative")),
+    (FIXED | {"history": {"scheme": "windowed", "rule": "brush", "window": 3.0, "tail": "van_hinsberg"}}, ("history.tail", "daitche", "brush")),
+    (FIXED | {"history": {"scheme": "windowed", "window": 3.0, "rtol": 1e-6}}, ("history.rtol", "tail")),
+    ({"history": {"order": 3}}, ("history.order", "collocation")),
+    ({"history": {"rtol": 1e-8}}, ("history.rtol", "collocation")),
+    ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("kernel = 'basset'", "scheme = 'exponential'")),
+    (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "daitche"}}, ("kernel = 'basset'", "solver.method = 'collocation'")),
+    ({"run": {"jumps": None, "discard": 0, "duration": 1e-300}}, ("run.duration", "1e-09")),
+    (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
+])  # fmt: skip
+def test_check_refuses_what_a_run_would(changes, words):
+    content = merged(read("sand"), changes)
+    with pytest.raises(SceneError) as caught:
+        scene_of(content)
+    text = str(caught.value)
+    assert all(word in text for word in words) and "second" not in text and "\n" not in text, text
+
+
+@pytest.mark.parametrize(("dt", "window"), [(0.03, 1.0), (0.007, 0.5), (0.011, 0.0777)])
+@pytest.mark.parametrize("tail", ["fitted", "van_hinsberg"])
+def test_what_check_passes_runs(dt, window, tail):
+    """Memories that are no whole number of steps."""
+    history = {"scheme": "windowed", "window": window, "tail": tail, "rebound": "impulse"}
+    made = scene("bouncing", history=history, solver={"method": "fixed_step", "dt": dt, "rtol": 1e-5}, run={"jumps": 2})
+    assert run_plain(made).status == "finished"
+
+
+@pytest.mark.parametrize("interval", [1e-300, 1e-9, 1e-6])
+def test_a_cloud_that_would_keep_too_much(interval):
+    content = merged(read("sand_cloud"), {"cloud": {"interval": interval}})
+    with pytest.raises(SceneError, match=r"cloud\.interval must leave"):
+        scene_of(content)
+
+
+@pytest.mark.parametrize(("fluid", "most"), [((1.2, 1.5e-5), 1e4), ((1000.0, 1e-6), 1000.0), ((5.0, 1e-5), 1000.0)])
+def test_flights_in_air_are_given_time(fluid, most):
+    """Ballistic flights last 2 w/g' = 2 w τ* ρ_s/ρ: more than 1000 d/u* in air."""
+    content = {"fluid": {"density": fluid[0], "viscosity": fluid[1]}, "channel": {"transport_stage": None, "shear_velocity": 0.4}}
+    content |= {"grain": {"diameter": 2.5e-4}} if fluid[0] < 10.0 else {"channel": {}}
+    made = scene_of(merged({**read("sand")}, content) if content["channel"] else read("sand"))
+    assert made.longest_flight >= most
+    assert made.longest_flight >= 50.0 * made.numbers.shields / made.numbers.alpha
+
+
+@pytest.mark.parametrize("text", ["[" * 5000, "{a=" * 3000, "9" * 5000, "0x" + "f" * 9000, "[" * 90 + "]" * 90])
+def test_values_that_cannot_be_read(text, tmp_path):
+    """In a file or on the command line: one sentence."""
+    path = tmp_path / "deep.toml"
+    path.write_text(f"effects = ['weight']\ngrain.diameter = {text}\nrun.duration = 1.0\n")
+    with pytest.raises(SceneError) as caught:
+        saltation.load(path)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(SceneError):
+        scene_of(merged(read("sand"), {"grain": {"diameter": value_of(text)}}))
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a/" + "y" * 300 + ".toml", "nul\0"])
+def test_names_that_no_file_can_have(name):
+    with pytest.raises(SceneError, match="does not exist"):
+        saltation.load(name)
+
+
+@pytest.mark.parametrize("jumps", [1, 3, 10, 40])
+def test_a_grain_that_lies_still_has_not_finished(jumps):
+    """Dropped from no height: impacts follow each other without flight, however few are wanted."""
+    made = scene(
+        "bouncing", effects=["weight"], history=None, height=0.5, velocity=[0.0, 0.0, 0.0], bed={"restitution": 0.0}, run={"jumps": jumps, "trajectory": False}
+    )
+    assert run_plain(made).status == "at rest"
+
+
+def test_units_of_still_water_are_named():
+    found = checks.computed(scene("bouncing"))
+    assert "√(|R| g d)" in found["units"] and "u*" not in found["memory"] and "u*" not in found["solver"]
+
+
+def test_a_spin_cannot_lose_more_than_all_of_itself():
+    made = scene_of(merged(read("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
+    row = next(row for row in advice.advise(made) if row.effect == "rotation")
+    assert row.share <= 1.0 and "%" not in row.reason
