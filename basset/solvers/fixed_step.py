@@ -16,7 +16,7 @@ from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
-from basset.solvers.base import Method, Piece, SolverError, Task, Trace, fire, speed
+from basset.solvers.base import Event, Method, Piece, SolverError, Task, Trace, fire
 from basset.streaming import Plan, State
 
 
@@ -76,42 +76,30 @@ class _Grid(Method):
         if count > task.max_steps:
             raise SolverError(f"more than max_steps = {task.max_steps} steps of {self.dt:g} s are needed")
         run = self._march(task, span / count)
-        node, last_event = 0, -10
+        node = 0
         y, rate = task.y0.copy(), run.begin(task.start, task.y0.copy(), task.slip)
+        values = [event.value(task.start, y) for event in task.events]
         while node < count:
             states, rates = run.advance(task.start + node * run.dt, y, count - node)
             for state, after in zip(states, rates, strict=True):
                 t, end = task.start + node * run.dt, task.start + (node + 1) * run.dt if node + 1 < count else task.end
                 trace.pieces.append(hermite(t, end - t, y, state, rate, after))
-                fired = []
-                for event in task.events:
-                    before, now = event.value(t, y), event.value(end, state)
-                    if before == 0.0 and event.fresh and event.bounced and now * event.side < 0.0:
-                        before = event.side  # the jump left it on the surface and it sinks: touch again
-                    if event.crosses(before, now):
-                        event.side = math.copysign(1.0, before)
-                        fired.append(event)
-                    event.fresh = False
+                before, values = values, [event.value(end, state) for event in task.events]
+                fired = [event for event, old, new in zip(task.events, before, values, strict=True) if happens(event, old, new)]
                 y, rate, node = state, after, node + 1
                 trace.steps += 1
                 trace.times.append(end)
                 trace.states.append(y.copy())
                 if fired:
-                    y_after, stop, rest = fire(task, trace, fired, end, y)
+                    y_after, stop = fire(task, trace, fired, end, y, 1.5 * run.dt, lambda _: run.memory())
                     if any(event.jump is not None for event in fired):
-                        if node - last_event <= 1:
-                            rest = True
-                            trace.message = "At rest: jumps follow each other at every step."
-                        last_event = node
-                        for event in fired:
-                            event.bounced = event.jump is not None and speed(task, event, end, y_after) * speed(task, event, end, y) <= 0.0
                         run.retract(node + 1 - run.nodes)
                         rate = run.jump(end, y_after, y_after[task.memory] - y[task.memory])
                         y = y_after
                         trace.times.append(end)
                         trace.states.append(y.copy())
-                    if stop or rest:
-                        trace.status = 1 if stop else 2
+                        values = [event.value(end, y) for event in task.events]
+                    if stop:
                         return
                     if any(event.jump is not None for event in fired):
                         break
@@ -120,6 +108,20 @@ class _Grid(Method):
     def _march(self, task: Task, dt: float) -> _March:
         """The method at work on one task."""
 
+
+def happens(event: Event, before: float, after: float) -> bool:
+    """Whether an event happens on a step between these values; after a jump from when the body is back on its side, or sinks."""
+    if event.bounced and event.pull is None:
+        event.reach = max(event.reach, after * event.side)
+        if event.fresh:
+            event.fresh = after * event.side <= 0.0
+            return event.fresh and (after - before) * event.side < 0.0
+    event.fresh = False
+    if not event.crosses(before, after):
+        return False
+    if event.pull is None:
+        event.side = math.copysign(1.0, before)
+    return True
 
 def hermite(start: float, length: float, y0: Floats, y1: Floats, r0: Floats, r1: Floats) -> Piece:
     """Cubic through the states and rates at both ends of a step."""
@@ -152,6 +154,10 @@ class _March(abc.ABC):
     @abc.abstractmethod
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
         """Take the state after a jump at the newest node; the rate there."""
+
+    def memory(self) -> Floats:
+        """H of the components in memory at the newest node."""
+        return np.asarray(self.plan.value(self.state))
 
     def retract(self, excess: int) -> None:
         """Take back nodes that were solved together but lie beyond an event (excess < 0)."""
@@ -248,7 +254,7 @@ class _OnRates(_March):
         self.degree = base.order if isinstance(base, Daitche) else 1
         self.recent: list[Floats] = []  # rates of all states, newest first
         self.strength = np.zeros(len(task.y0))
-        self.strength[task.memory] = task.coefficient
+        self.strength[task.memory] = task.felt
 
     def begin(self, t: float, y: Floats, slip: Floats) -> Floats:
         rate = self.task.rate(t, y)
@@ -258,8 +264,9 @@ class _OnRates(_March):
         return rate
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
+        self.strength[self.task.memory] = self.task.felt
         rate = self.task.rate(t, y)
-        rate[self.task.memory] -= self.task.coefficient * self.plan.value(self.state)
+        rate[self.task.memory] -= self.task.felt * self.plan.value(self.state)
         self.plan.jump(self.state, delta, g=rate[self.task.memory])
         self.recent = [rate]
         return rate
@@ -272,7 +279,7 @@ class _OnRates(_March):
         weights = adams_moulton(min(self.degree, len(self.recent)))
         known = y + self.dt * sum((w * r for w, r in zip(weights[1:], self.recent, strict=False)), np.zeros(len(y)))
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.coefficient * tail
+        fixed[task.memory] = task.felt * tail
         rate = newton(
             lambda g: g * (1.0 + self.strength * local) + fixed - task.rate(end, known + self.dt * weights[0] * g), self.recent[0], f"at t = {end:.6g}"
         )
@@ -294,7 +301,7 @@ class _OnRates(_March):
             rates = flat.reshape(degree, n)
             result = rates - np.array([task.rate(time, state) for time, state in zip(times, states(rates), strict=True)])
             memory = past + root * (history @ np.vstack([first, rates])[:, task.memory])
-            result[:, task.memory] += task.coefficient * memory
+            result[:, task.memory] += task.felt * memory
             return np.asarray(result.ravel())
 
         rates = newton(residual, np.tile(first, degree), f"from t = {t:.6g}").reshape(degree, n)
@@ -322,7 +329,7 @@ class _OnSlips(_March):
         return self.recent[0]
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
         self.plan.jump(self.state, np.zeros_like(delta), g=y[self.task.memory] - self.offset)
         self.recent = [self.task.rate(t, y)]
         return self.recent[0]
@@ -349,19 +356,19 @@ class _OnSlips(_March):
             states = flat.reshape(count, n)
             functions[:] = [task.rate(time, state) for time, state in zip(times, states, strict=True)]
             result = states - known - ahead @ functions
-            result[:, task.memory] += task.coefficient * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
+            result[:, task.memory] += task.felt * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
             return np.asarray(result.ravel())
 
         states = newton(residual, np.tile(y, count), f"from t = {t:.6g}").reshape(count, n)
         residual(states.ravel())
         self.push(states[:, task.memory] - self.offset)
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
         self.recent = [*(row.copy() for row in functions[::-1]), *self.recent][: self.degree]
         return list(states), list(np.diff(np.vstack([y, states]), axis=0) / self.dt)  # for the dense output: fun lacks the history
 
     def retract(self, excess: int) -> None:
         super().retract(excess)
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
 
 
 @dataclass(frozen=True)
@@ -415,7 +422,7 @@ class _Held(_OnRates):
     def advance(self, t: float, y: Floats, left: int) -> tuple[list[Floats], list[Floats]]:
         task, h = self.task, self.dt
         held = np.zeros(len(y))
-        held[task.memory] = task.coefficient * self.plan.value(self.state)
+        held[task.memory] = task.felt * self.plan.value(self.state)
 
         def rate(time: float, state: Floats) -> Floats:
             return task.rate(time, state) - held
@@ -426,7 +433,7 @@ class _Held(_OnRates):
         k4 = rate(t + h, y + h * k3)
         after = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.coefficient * self.plan.tail(self.state)
+        fixed[task.memory] = task.felt * self.plan.tail(self.state)
         new = (task.rate(t + h, after) - fixed) / (1.0 + self.strength * self.plan.local(self.state))
         self.push(new[None, task.memory])
         return [after], [new]
