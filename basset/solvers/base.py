@@ -226,7 +226,7 @@ class Event:
         """Note what the jump has done."""
         here = self.value(t, after)
         self.noise, self.reach = self.rounding(t, after), 0.0
-        self.fresh = abs(here) <= 64.0 * self.noise + 2.0 * abs(self.value(t, before))
+        self.fresh = abs(here) <= CLEAR * self.noise + 2.0 * abs(self.value(t, before))
         self.bounced = (slope() if self.fresh else here) * self.side >= 0.0
 
     def rounding(self, t: float, y: Floats) -> float:
@@ -327,6 +327,7 @@ def jumped(task: Task, event: Event, t: float, y: Floats) -> Floats:
     return after
 
 
+CLEAR = 64.0  # so many times its rounding an event function must be from zero to be on one side
 HALVINGS = 6  # of a step, at most, until an interpolant follows an event function
 FOLLOWED = 1e-10  # to this share of its size
 
@@ -360,7 +361,7 @@ def watched(event: Event, piece: Piece, degree: int, power: int) -> tuple[Floats
         if tail > FOLLOWED * size.max():
             if noise < 0.0:
                 noise = event.rounding(piece.start, piece.values(np.zeros(1))[0])
-            if tail > 64.0 * noise:
+            if tail > CLEAR * noise:
                 if not halvings:
                     return x, found
                 middle = 0.5 * (low + high)
@@ -392,15 +393,15 @@ def first_crossing(events: Sequence[Event], piece: Piece, degree: int, power: in
         first, last = 0, len(places)
         noise = event.noise + 2.0**-52 * np.abs(signs).max() if event.fresh else 0.0
         if event.fresh and event.bounced:  # from where the flight has begun; without one it rests
-            if signs[1] * event.side <= 4.0 * noise:
+            if signs[1] * event.side <= CLEAR * noise:
                 sooner = places[1] * np.geomspace(1e-12, 0.5, 40)
                 values = [event.value(piece.start + piece.length * theta, y) for theta, y in zip(sooner, piece.values(sooner), strict=True)]
                 places, signs = np.insert(places, 1, sooner), np.insert(signs, 1, values)
-            first = next((k for k in range(1, len(places)) if signs[k] * event.side > 4.0 * noise), 0)
+            first = next((k for k in range(1, len(places)) if signs[k] * event.side > CLEAR * noise), 0)
             if not first:
                 return 0.0, [event]
         elif event.fresh:  # from where it is no longer zero
-            first = next((k for k in range(1, len(places)) if abs(signs[k]) > 64.0 * noise), len(places))
+            first = next((k for k in range(1, len(places)) if abs(signs[k]) > CLEAR * noise), len(places))
         begun[event.index] = places[first] if first < len(places) else math.inf
         for k in range(first, len(places) - 1):
             if event.crosses(signs[k], signs[k + 1]):
@@ -475,7 +476,7 @@ def fire(task: Task, trace: Trace, events: Sequence[Event], t: float, y: Floats,
             if since > 0.0:
                 stopped = (after != before) & (after * before <= 0.0)
                 event.hit = np.where(stopped, before, 0.0)
-            if event.bounced and (since < moment or event.reach <= 32.0 * event.noise):
+            if event.bounced and (since < moment or event.reach <= CLEAR * event.noise):
                 resting.append(event)
         if 0 < event.terminal <= len(event.times):
             trace.status = 1

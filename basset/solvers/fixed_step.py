@@ -123,6 +123,7 @@ def happens(event: Event, before: float, after: float) -> bool:
         event.side = math.copysign(1.0, before)
     return True
 
+
 def hermite(start: float, length: float, y0: Floats, y1: Floats, r0: Floats, r1: Floats) -> Piece:
     """Cubic through the states and rates at both ends of a step."""
 
