@@ -24,6 +24,17 @@ QUADRATURE = 48
 DECAYED = 40.0  # e^(−40) is below rounding
 
 
+def legendre_values(x: Floats, degree: int) -> Floats:
+    """Legendre polynomials (…, degree+1) at x; at a single place without what NumPy takes to begin."""
+    if x.size != 1:
+        return np.asarray(legendre.legvander(x, degree))
+    place = float(x.item())
+    found = [1.0, place]
+    for k in range(2, degree + 1):
+        found.append((found[k - 1] * place * (2 * k - 1) - found[k - 2] * (k - 1)) / k)
+    return np.array(found[: degree + 1]).reshape(*x.shape, degree + 1)
+
+
 class Nodal:
     """Polynomials on [0, 1] by their values at nodes, kept in Legendre coefficients."""
 
@@ -36,15 +47,15 @@ class Nodal:
 
     def values(self, x: Floats) -> Floats:
         """Basis (…, nodes) at x."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, self.degree) @ self.coefficients)
+        return np.asarray(legendre_values(2.0 * x - 1.0, self.degree) @ self.coefficients)
 
     def slopes(self, x: Floats) -> Floats:
         """Derivatives of the basis (…, nodes) at x."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
 
     def integrals(self, x: Floats) -> Floats:
         """Integrals of the basis from 0 to x (…, nodes)."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
 
 
 class Stages:

@@ -21,7 +21,7 @@ REST = 1e-10  # a flight shorter than this share of the time span counts as rest
 MESSAGES = {
     0: "The solver reached the end of the time span.",
     1: "A terminal event occurred.",
-    2: "At rest: a flight between two jumps was shorter than 1e-10 of the time span.",
+    2: "At rest: a flight between two jumps was too short to be told from rest, and nothing else moves or can be told to go on.",
 }
 
 
@@ -391,7 +391,7 @@ def first_crossing(events: Sequence[Event], piece: Piece, degree: int, power: in
     for event in events:
         places, signs = watched(event, piece, degree, power)
         first, last = 0, len(places)
-        noise = event.noise + 2.0**-52 * np.abs(signs).max() if event.fresh else 0.0
+        noise = event.noise + 2.0**-46 * np.abs(signs).max() if event.fresh else 0.0
         if event.fresh and event.bounced:  # from where the flight has begun; without one it rests
             if signs[1] * event.side <= CLEAR * noise:
                 sooner = places[1] * np.geomspace(1e-12, 0.5, 40)
@@ -557,15 +557,15 @@ def solve(
     initial_slip : array_like (members,) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
-        Further arguments of fun, events and jumps.
+        Further arguments of fun, events and jumps; for a compiled fun numbers, arrays, and lists that become arrays.
     method : Method or None
         Collocation(rtol=1e-6) by default; FixedStep(dt, rule); RungeKutta4(dt, rule).
     t_eval : array_like (n_times,) or None, seconds
         Times at which to give the solution; None: the ends of the steps.
     events : callable or list of callables, or None
-        event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool), `direction` (−1, 0, 1)
-        and `jump`, a function (t, y, *args) -> y after: the state changes there and the change is remembered. A zero at
-        the very start is no event.
+        event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool, or the number of occurrences
+        after which to stop, as in SciPy), `direction` (−1, 0, 1) and `jump`, a function (t, y, *args) -> y after: the state
+        changes there and the change is remembered. A zero at the very start is no event.
     dense_output : bool
         Whether to return the solution as a function of time.
     max_steps : int
@@ -579,6 +579,20 @@ def solve(
     ------
     ValueError, TypeError
         One sentence that names the argument. What goes wrong on the way (NaN from fun, steps too small) is a status.
+
+    Notes
+    -----
+    fun, events and jumps get copies of the state, and what they return is copied: they may write into it and reuse it.
+
+    Collocation follows every event function on every step by an interpolant that is exact for quadratic functions of the
+    states, halving the step up to six times where it does not follow; what comes and goes within less is bounded by
+    `max_step`. Fixed steps compare the nodes.
+
+    Rest belongs to an event: when a flight between two of its jumps is shorter than 1e-10 of the time span, or no higher
+    than rounding lets see (with fixed steps: shorter than a step, or not out of the surface again), the components that the
+    jump reverses or stops are held at 0, without friction and without history force, until fun draws them off the surface
+    or another jump sets them going. The run ends with status 2 when all events with a jump are at rest and nothing else
+    moves, and where a body cannot be held: the jump changes more than it reverses (friction), or the surface moves.
 
     References
     ----------
