@@ -69,11 +69,11 @@ def test_callbacks_that_reuse_or_write_buffers_give_the_bits_of_clean_ones(metho
 @every_method
 @pytest.mark.parametrize("bad", [1.0j, np.complex64(1.0), np.complex128(2.0)], ids=str)
 def test_complex_callbacks_are_refused(method, bad):
-    for given in ([bad], np.array([bad])):
+    for value in ([bad], np.array([bad])):
         with pytest.raises(TypeError, match=r"fun must return 1 rates.*complex"):
-            basset.solve(lambda t, y: given, (0.0, 1.0), [1.0], method=method)
+            basset.solve(lambda t, y: value, (0.0, 1.0), [1.0], method=method)
         with pytest.raises(TypeError, match=r"jump of event 0 must return 1 states.*complex"):
-            basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], method=method, events=marked(lambda t, y: t - 0.5, jump=lambda t, y: given))
+            basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], method=method, events=marked(lambda t, y: t - 0.5, jump=lambda t, y: value))
     with pytest.raises(TypeError, match=r"event 0 must return a number.*complex"):
         basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], method=method, events=lambda t, y: bad)
 
