@@ -191,8 +191,8 @@ class TestSurfacesAwayFromZero:
         assert result.y[0, -1] == pytest.approx(float(exact), abs=1e-8)
 
     @pytest.mark.sweep
-    @settings(max_examples=max(6, settings().max_examples // 2))
-    @given(floor=st.floats(-100.0, 100.0), start=st.floats(-1e4, 1e4), e=st.floats(0.1, 0.9), height=st.floats(0.05, 2.0))
+    @settings(max_examples=max(4, settings().max_examples // 4))
+    @given(floor=st.floats(-100.0, 100.0), start=st.floats(-1e4, 1e4), e=st.floats(0.1, 0.8), height=st.floats(0.05, 2.0))
     def test_random_floors_and_starts(self, floor, start, e, height):
         """Without history: t_k = √(2h) (1 + 2e (1 − e^k)/(1 − e)), at rest at √(2h) (1 + e)/(1 − e)."""
         first = math.sqrt(2.0 * height)
@@ -202,12 +202,12 @@ class TestSurfacesAwayFromZero:
         exact = first * (1.0 + 2.0 * e * (1.0 - e**k) / (1.0 - e))
         assert result.status == 2
         big = e**k > 1e-4
-        np.testing.assert_allclose(result.t_events[0][:8][big] - start, exact[big], atol=1e-7 * end)
+        np.testing.assert_allclose(result.t_events[0][: big.sum()] - start, exact[big], atol=1e-7 * end)
         assert result.t[-1] - start == pytest.approx(end, abs=1e-4 * end)
 
     @pytest.mark.sweep
     @settings(max_examples=max(4, settings().max_examples // 4))
-    @given(floor=st.floats(-100.0, 100.0), start=st.floats(-1e3, 1e3), e=st.floats(0.2, 0.9), c=st.floats(0.05, 1.0))
+    @given(floor=st.floats(-100.0, 100.0), start=st.floats(-1e3, 1e3), e=st.floats(0.2, 0.7), c=st.floats(0.05, 1.0))
     def test_with_history_as_on_a_floor_at_zero(self, floor, start, e, c):
         method = basset.Collocation(rtol=1e-9)
         moved, still = (ball(*where[:1], e, 4.0, method, 0.5, 1.0, c, where[1]) for where in ((floor, start), (0.0, 0.0)))
