@@ -339,17 +339,76 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
     return plain
 
 
-@lru_cache(maxsize=64)
-def rate_function(function: Any, args: tuple[Any, ...], states: int) -> Any:
+@lru_cache(maxsize=1)
+def _pointer() -> Any:
+    """A compiled function (address) -> pointer."""
+    numba = compiler()
+
+    @numba.extending.intrinsic
+    def pointer(typingctx, address):
+        def generate(context, builder, signature, arguments):
+            return builder.inttoptr(arguments[0], context.get_value_type(numba.types.voidptr))
+
+        return numba.types.voidptr(numba.types.int64), generate
+
+    return pointer
+
+
+@contextlib.contextmanager
+def rate_function(function: Any, args: tuple[Any, ...], states: int) -> Iterator[Any]:
     """A compiled fun(t, y, *args) as a C function of (t, y, rates): one type for all, so its callers compile once.
 
-    `args` are frozen into it; they must be hashable.
+    Floats and arrays (C order) among `args` are data, read at every call where a table says that they lie: new ones compile
+    nothing. What else there is is frozen into the function and must be hashable.
     """
+    kinds = tuple((value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if type(value) is float else (None, value) for value in args)
+    idle = _idle(function, kinds, states)
+    try:
+        made, table = idle.pop()  # nobody else's meanwhile: a solve within a solve, or in another thread, makes its own
+    except IndexError:
+        made, table = _rate_function(function, kinds, states)
+    for k, (kind, value) in enumerate(zip(kinds, args, strict=True)):
+        if kind is _FLOAT:
+            table.view("float64")[k] = value
+        elif kind[0] is not None:
+            table[k] = value.ctypes.data
+    try:
+        yield made
+    finally:
+        idle.append((made, table))
+
+
+_FLOAT = ("a float",)
+
+
+@lru_cache(maxsize=64)
+def _idle(function: Any, kinds: tuple[Any, ...], states: int) -> list[tuple[Any, Any]]:
+    """C functions of one kind and their tables that nobody uses now."""
+    return []
+
+
+def _rate_function(function: Any, kinds: tuple[Any, ...], states: int) -> tuple[Any, Any]:
+    import numpy as np
+
     numba = compiler()
     array = numba.carray
+    table = np.zeros(len(kinds) + 1, dtype=np.int64)
+    given = shared(lambda: ())
+    for k, kind in enumerate(kinds):
+        given = _appended(given, kind, table.ctypes.data + 8 * k, array, _pointer(), np.int64)
 
     def call(t, y, rates):
-        array(rates, (states,))[:] = function(t, array(y, (states,)), *args)
+        array(rates, (states,))[:] = function(t, array(y, (states,)), *given())
 
     pointer = numba.types.CPointer(numba.types.float64)
-    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer))(call)
+    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer))(call), table
+
+
+def _appended(given: Any, kind: tuple[Any, ...], place: int, array: Any, pointer: Any, integer: Any) -> Any:
+    """`given` and one more value, as a function that compiled code inlines."""
+    if kind is _FLOAT:
+        return shared(lambda: (*given(), load(place, 0)))
+    shape, value = kind
+    if shape is None:
+        return shared(lambda: (*given(), value))
+    return shared(lambda: (*given(), array(pointer(array(pointer(place), (1,), integer)[0]), shape, value)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -15,13 +16,24 @@ from basset._compile import is_compiled, rate_function
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.solvers import _march
-from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, speed, stretches
+from basset.solvers.base import REST, Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, stretches
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
 
 QUADRATURE = 48
 DECAYED = 40.0  # e^(−40) is below rounding
+
+
+def legendre_values(x: Floats, degree: int) -> Floats:
+    """Legendre polynomials (…, degree+1) at x; at a single place without what NumPy takes to begin."""
+    if x.size != 1:
+        return np.asarray(legendre.legvander(x, degree))
+    place = float(x.item())
+    found = [1.0, place]
+    for k in range(2, degree + 1):
+        found.append((found[k - 1] * place * (2 * k - 1) - found[k - 2] * (k - 1)) / k)
+    return np.array(found[: degree + 1]).reshape(*x.shape, degree + 1)
 
 
 class Nodal:
@@ -36,15 +48,15 @@ class Nodal:
 
     def values(self, x: Floats) -> Floats:
         """Basis (…, nodes) at x."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, self.degree) @ self.coefficients)
+        return np.asarray(legendre_values(2.0 * x - 1.0, self.degree) @ self.coefficients)
 
     def slopes(self, x: Floats) -> Floats:
         """Derivatives of the basis (…, nodes) at x."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
 
     def integrals(self, x: Floats) -> Floats:
         """Integrals of the basis from 0 to x (…, nodes)."""
-        return np.asarray(legendre.legvander(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
 
 
 class Stages:
@@ -170,6 +182,7 @@ def integrate(method: Collocation, task: Task, trace: Trace) -> None:
         except TooFastError:
             trace.times[1:], trace.states[1:], trace.pieces[:], trace.steps = [], [], [], 0
             task.events[:] = [replace(event, times=[], states=[]) for event in events]
+            task.hold()
 
 
 class Integration:
@@ -180,7 +193,7 @@ class Integration:
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
         self.stages = stages = stages_of(count)
-        active = task.coefficient > 0.0
+        self.active = active = task.coefficient > 0.0
         span = task.end - task.start
         limit = min(method.max_step or span, span)
         self.stretches = stretches(task)  # the running one first
@@ -251,17 +264,18 @@ class Integration:
     def run(self) -> None:
         """March to the end, or to what stops before."""
         task, values = self.task, np.zeros((self.count, len(self.task.y0)))
-        compiled = is_compiled(task.function)
         fun: Any = task.rate
         attempt, march = _march.attempt, _march.march
-        if compiled:
-            task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
-            fun = rate_function(task.function, task.args, len(task.y0))
-            attempt, march = _march.attempt_compiled, _march.march_compiled
-        calls = task.nfev
-        try:
+        with ExitStack() as stack:
+            if is_compiled(task.function):
+                task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
+                stack.callback(self._count, task.nfev)
+                fun = stack.enter_context(rate_function(task.function, task.args, len(task.y0)))
+                attempt, march = _march.attempt_compiled, _march.march_compiled
             while True:
-                if task.events:
+                if task.held:  # compiled code does not know what is at rest
+                    code = _march.attempt(task.rate, self.problem, self.nodes, self.tables, self.state, values)
+                elif task.events:
                     code = attempt(fun, self.problem, self.nodes, self.tables, self.state, values)
                 else:
                     record = self._record(64)
@@ -283,9 +297,10 @@ class Integration:
                     raise TooFastError
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
-        finally:
-            if compiled:
-                task.nfev = calls + int(self.state.numbers[_march.CALLS])
+
+    def _count(self, calls: int) -> None:
+        """Add what compiled code has evaluated to `calls`."""
+        self.task.nfev = calls + int(self.state.numbers[_march.CALLS])
 
     def _fades(self) -> bool:
         """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
@@ -428,8 +443,7 @@ class Integration:
         state, numbers, task = self.state, self.state.numbers, self.task
         h, singular = float(numbers[_march.STEP]), bool(numbers[_march.SINGULAR])
         piece = self._piece(float(numbers[_march.TIME]), h, singular, state.y.copy(), values.copy())
-        grid = np.linspace(0.0, 1.0, 2 * self.count + 3)
-        cut, events = first_crossing(task.events, piece, grid**2 if singular else grid)
+        cut, events = first_crossing(task.events, piece, 2 * self.count + 2, 2 if singular else 1)
         theta = min(cut, 1.0)
         self.trace.steps += 1
         numbers[_march.STEPS] += 1.0
@@ -445,23 +459,28 @@ class Integration:
         if singular:
             numbers[_march.FIRST] = h
         t, before = float(numbers[_march.TIME]), state.y.copy()
-        after, stop, rest = fire(task, self.trace, events, t, before)
+        after, stop = fire(task, self.trace, events, t, before, REST * self.problem.span, self._memory)
         if any(event.jump is not None for event in events):
             if self.remembers:
-                state.jump[:] = (after - before)[self.problem.where]
+                state.jump[:] += (after - before)[self.problem.where]  # to what has not been felt yet, without a flight
+                self.problem.strength[:] = task.felt[self.active]
             state.y[:] = after
             numbers[_march.KNOWN] = 0.0
-            for event in events:
-                event.bounced = event.jump is not None and speed(task, event, t, after) * speed(task, event, t, before) <= 0.0
             self.trace.times.append(t)
             self.trace.states.append(after.copy())
             flight = t - numbers[_march.JUMPED]
             numbers[_march.JUMPED] = t
             numbers[_march.STEP] = min(numbers[_march.FIRST], 0.5 * flight) if flight > 0.0 else numbers[_march.FIRST]
             numbers[_march.SINGULAR] = float(self.remembers)
-        if stop or rest:
-            self.trace.status = 1 if stop else 2
-        return stop or rest
+        return stop
+
+    def _memory(self, t: float) -> Floats:
+        """H of the components in memory at t, had nothing happened since the step's start."""
+        result = np.zeros(len(self.task.memory))
+        if self.tail is not None:
+            lag = t - float(self.state.numbers[_march.TIME])
+            result[self.active] = (self.state.past + self.state.jump[:, None]) @ (self.tail.weights * np.exp(-self.tail.rates * lag))
+        return result
 
     def _advance(self, piece: Piece, theta: float, singular: bool, values: Floats) -> None:
         """Move to θ of the step: memory, state and trace."""

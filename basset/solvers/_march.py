@@ -356,7 +356,9 @@ def evaluate(fun, state, times, states, rates):
 def _evaluate_compiled(fun, state, times, states, rates):
     def evaluate(fun, state, times, states, rates):
         for i in range(len(times)):
-            fun(times[i], states[i].ctypes, rates[i].ctypes)
+            for a in range(states.shape[1]):
+                rates[i, a] = states[i, a]  # fun may write into what it is given
+            fun(times[i], rates[i].ctypes, rates[i].ctypes)
         return checked(state, times, rates)
 
     return evaluate

@@ -16,7 +16,7 @@ from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
-from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, fire, speed, stretches
+from basset.solvers.base import Event, Method, Piece, SolverError, Stretch, Task, Trace, fire, stretches
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton, bounds, degree_of, longest_step, stable
 from basset.streaming import Plan, State
 
@@ -116,23 +116,17 @@ class _Grid(Method):
         run = self._march(task, span / count)
         ahead = on_nodes(task, run.dt, count)
         stop, run.stretch = ahead.pop(0)
-        node, last_event, watch = 0, -10, Watch()
+        node, watch = 0, Watch()
         y, rate = task.y0.copy(), run.begin(task.start, task.y0.copy(), task.slip)
         run.check(task.start, y)
+        values = [event.value(task.start, y) for event in task.events]
         while node < count:
             states, rates = run.advance(task.start + node * run.dt, y, stop - node)
             for state, after in zip(states, rates, strict=True):
                 t, end = task.start + node * run.dt, task.start + (node + 1) * run.dt if node + 1 < count else task.end
                 trace.pieces.append(hermite(t, end - t, y, state, rate, after))
-                fired = []
-                for event in task.events:
-                    before, now = event.value(t, y), event.value(end, state)
-                    if before == 0.0 and event.fresh and event.bounced and now * event.side < 0.0:
-                        before = event.side  # the jump left it on the surface and it sinks: touch again
-                    if event.crosses(before, now):
-                        event.side = math.copysign(1.0, before)
-                        fired.append(event)
-                    event.fresh = False
+                before, values = values, [event.value(end, state) for event in task.events]
+                fired = [event for event, old, new in zip(task.events, before, values, strict=True) if happens(event, old, new)]
                 y, rate, node = state, after, node + 1
                 trace.steps += 1
                 trace.times.append(end)
@@ -142,21 +136,15 @@ class _Grid(Method):
                 if broken:
                     stop, run.stretch = ahead.pop(0)
                 if fired:
-                    y_after, stopped, rest = fire(task, trace, fired, end, y)
+                    y_after, stopped = fire(task, trace, fired, end, y, 1.5 * run.dt, lambda _: run.memory())
                     if any(event.jump is not None for event in fired):
-                        if node - last_event <= 1:
-                            rest = True
-                            trace.message = "At rest: jumps follow each other at every step."
-                        last_event = node
-                        for event in fired:
-                            event.bounced = event.jump is not None and speed(task, event, end, y_after) * speed(task, event, end, y) <= 0.0
                         run.retract(node + 1 - run.nodes)
                         rate = run.jump(end, y_after, y_after[task.memory] - y[task.memory])
                         y, watch, broken = y_after, Watch(), False
                         trace.times.append(end)
                         trace.states.append(y.copy())
-                    if stopped or rest:
-                        trace.status = 1 if stopped else 2
+                        values = [event.value(end, y) for event in task.events]
+                    if stopped:
                         return
                     if any(event.jump is not None for event in fired):
                         break
@@ -167,6 +155,21 @@ class _Grid(Method):
     @abc.abstractmethod
     def _march(self, task: Task, dt: float) -> _March:
         """The method at work on one task."""
+
+
+def happens(event: Event, before: float, after: float) -> bool:
+    """Whether an event happens on a step between these values; after a jump from when the body is back on its side, or sinks."""
+    if event.bounced and event.pull is None:
+        event.reach = max(event.reach, after * event.side)
+        if event.fresh:
+            event.fresh = after * event.side <= 0.0
+            return event.fresh and (after - before) * event.side < 0.0
+    event.fresh = False
+    if not event.crosses(before, after):
+        return False
+    if event.pull is None:
+        event.side = math.copysign(1.0, before)
+    return True
 
 
 def hermite(start: float, length: float, y0: Floats, y1: Floats, r0: Floats, r1: Floats) -> Piece:
@@ -229,6 +232,10 @@ class _March(abc.ABC):
     @abc.abstractmethod
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
         """Take the state after a jump at the newest node; the rate there."""
+
+    def memory(self) -> Floats:
+        """H of the components in memory at the newest node."""
+        return np.asarray(self.plan.value(self.state))
 
     def retract(self, excess: int) -> None:
         """Take back nodes that were solved together but lie beyond an event (excess < 0)."""
@@ -333,8 +340,9 @@ class _OnRates(_March):
         return rate
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
+        self.strength[self.task.memory] = self.task.felt
         rate = self.rate(t, y)
-        rate[self.task.memory] -= self.task.coefficient * self.plan.value(self.state)
+        rate[self.task.memory] -= self.task.felt * self.plan.value(self.state)
         self.plan.jump(self.state, delta, g=rate[self.task.memory])
         self.recent = [rate]
         return rate
@@ -347,7 +355,7 @@ class _OnRates(_March):
         weights = adams_moulton(min(self.degree, len(self.recent)))
         known = y + self.dt * sum((w * r for w, r in zip(weights[1:], self.recent, strict=False)), np.zeros(len(y)))
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.coefficient * tail
+        fixed[task.memory] = task.felt * tail
         rate = newton(
             lambda g: g * (1.0 + self.strength * local) + fixed - self.rate(end, known + self.dt * weights[0] * g), self.recent[0], f"at t = {end:.6g}"
         )
@@ -369,7 +377,7 @@ class _OnRates(_March):
             rates = flat.reshape(degree, n)
             result = rates - np.array([self.rate(time, state) for time, state in zip(times, states(rates), strict=True)])
             memory = past + root * (history @ np.vstack([first, rates])[:, task.memory])
-            result[:, task.memory] += task.coefficient * memory
+            result[:, task.memory] += task.felt * memory
             return np.asarray(result.ravel())
 
         rates = newton(residual, np.tile(first, degree), f"from t = {t:.6g}").reshape(degree, n)
@@ -394,7 +402,7 @@ class _OnSlips(_March):
         return self.recent[0]
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
         self.plan.jump(self.state, np.zeros_like(delta), g=y[self.task.memory] - self.offset)
         self.recent = [self.rate(t, y)]
         return self.recent[0]
@@ -421,19 +429,19 @@ class _OnSlips(_March):
             states = flat.reshape(count, n)
             functions[:] = [self.rate(time, state) for time, state in zip(times, states, strict=True)]
             result = states - known - ahead @ functions
-            result[:, task.memory] += task.coefficient * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
+            result[:, task.memory] += task.felt * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
             return np.asarray(result.ravel())
 
         states = newton(residual, np.tile(y, count), f"from t = {t:.6g}").reshape(count, n)
         residual(states.ravel())
         self.push(states[:, task.memory] - self.offset)
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
         self.recent = [*(row.copy() for row in functions[::-1]), *self.recent][: self.degree]
         return list(states), list(np.diff(np.vstack([y, states]), axis=0) / self.dt)  # for the dense output: fun lacks the history
 
     def retract(self, excess: int) -> None:
         super().retract(excess)
-        self.stored = self.task.coefficient * self.plan.value(self.state)
+        self.stored = self.task.felt * self.plan.value(self.state)
 
 
 @dataclass(frozen=True)
@@ -491,7 +499,7 @@ class _Held(_OnRates):
     def advance(self, t: float, y: Floats, left: int) -> tuple[list[Floats], list[Floats]]:
         task, h = self.task, self.dt
         held = np.zeros(len(y))
-        held[task.memory] = task.coefficient * self.plan.value(self.state)
+        held[task.memory] = task.felt * self.plan.value(self.state)
 
         def rate(time: float, state: Floats) -> Floats:
             return self.rate(time, state) - held
@@ -502,7 +510,7 @@ class _Held(_OnRates):
         k4 = rate(t + h, y + h * k3)
         after = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.coefficient * self.plan.tail(self.state)
+        fixed[task.memory] = task.felt * self.plan.tail(self.state)
         new = (self.rate(t + h, after) - fixed) / (1.0 + self.strength * self.plan.local(self.state))
         self.push(new[None, task.memory])
         return [after], [new]

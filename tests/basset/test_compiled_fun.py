@@ -103,3 +103,34 @@ def test_nan_is_a_status_and_a_wrong_shape_an_error():
     assert "component 0" in r.message
     with pytest.raises(ValueError, match="fun must return 2 rates"):
         basset.solve(made(short), (0.0, 2.0), [1.0, 2.0])
+
+
+def drag_from_a_table(t, y, rate, table, matrix, out):
+    out[0] = -rate * y[0] * table[1] + matrix[1, 0]
+    y[0] = 1e3
+    return out
+
+
+@pytest.mark.parametrize("method", [basset.Collocation(rtol=1e-8), basset.FixedStep(0.02)], ids=["collocation", "fixed_step"])
+def test_arrays_and_lists_among_the_arguments_are_read_at_the_call(method):
+    fun, table = made(drag_from_a_table), np.array([0.0, 1.0])
+    for pull, speed, rate in [(0.0, 1.0, 1.0), (0.0, 2.0, 1.0), (0.5, 2.0, 1.0), (0.5, 2.0, 0.5)]:
+        table[1] = speed
+        args = (rate, table, [[0, 0], [pull, 0]], np.empty(1))
+        plain, found = (
+            basset.solve(
+                f, (0.0, 2.0), [1.0], coefficient=0.6, args=(rate, table, np.array(args[2]), args[3]) if f is drag_from_a_table else args, method=method
+            )
+            for f in (drag_from_a_table, fun)
+        )
+        assert found.y[0, -1] == pytest.approx(plain.y[0, -1], abs=1e-7)
+        exact = reference.relaxing(2.0, rate * speed, 0.6) + pull * reference.response(2.0, rate * speed, 0.6, 1)
+        assert found.y[0, -1] == pytest.approx(float(exact), abs=1e-7 if isinstance(method, basset.Collocation) else 0.05)
+
+
+@pytest.mark.parametrize("bad", [["a", 1.0], [[1.0], [1.0, 2.0]], np.array([None, 1.0])], ids=str)
+def test_arguments_that_are_no_data_are_refused(bad):
+    fun = made(relax)
+    if _compile.is_compiled(fun):
+        with pytest.raises(TypeError, match=r"args\[0\] of a compiled fun must be a number or an array"):
+            basset.solve(fun, (0.0, 1.0), [1.0], args=(bad,))
