@@ -333,7 +333,7 @@ def _make_accept(digest: str) -> Callable[..., Any]:
         if kind == 1:
             numbers[FIRST] = h
         numbers[TIME] += h
-        if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(problem.end):
+        if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(numbers[TIME]):  # an end may be infinite
             numbers[TIME] = problem.end
         numbers[STEPS] += 1.0
         numbers[STEP] = next_step(problem, numbers, h, count)
