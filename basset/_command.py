@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -27,10 +28,33 @@ class Mistake(click.ClickException):
         click.echo(self.format_message(), err=True, file=file)
 
 
+class Screen(Console):
+    """A console that leaves it to the command what a closed pipe means."""
+
+    def on_broken_pipe(self) -> None:
+        """Let the error pass."""
+        raise BrokenPipeError
+
+
 def console(error: bool = False) -> Console:
     """Where tables and progress go."""
-    made = Console(stderr=error, markup=False, highlight=False)
-    return made if made.is_terminal else Console(stderr=error, markup=False, highlight=False, width=WIDTH)
+    made = Screen(stderr=error, markup=False, highlight=False)
+    return made if made.is_terminal else Screen(stderr=error, markup=False, highlight=False, width=WIDTH)
+
+
+@contextlib.contextmanager
+def printing() -> Iterator[None]:
+    """Print as far as somebody reads: a pipe that is closed is no failure."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def named(path: str | os.PathLike[str]) -> str:
+    """A file's name as it can be printed and drawn: bytes that are no UTF-8 are written out."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 @contextlib.contextmanager
@@ -55,6 +79,8 @@ def check_output(path: Path, force: bool) -> None:
     """Refuse before anything is computed."""
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
+    if path.exists() and not path.is_file():  # a device or a pipe: nothing there can be lost
+        return
     if not path.parent.is_dir():
         raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
     if not os.access(path.parent, os.W_OK):
