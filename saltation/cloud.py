@@ -304,7 +304,7 @@ class Folder:
             return Told(0, 0.0, *STOPPED, [])
         arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count}
         try:
-            with np.load(self.checkpoint) as kept:  # every array in it has a checksum
+            with open(self.checkpoint, "rb") as file, np.load(file) as kept:  # every array in it has a checksum
                 found = {name: kept[name] for name in arrays}
                 key, told = str(kept["key"]), Told(**json.loads(str(kept["told"])))
                 alike = all((found[name].shape, found[name].dtype) == (array.shape, array.dtype) for name, array in arrays.items())

@@ -544,9 +544,9 @@ def path_in(scene: Any, whole: xr.Dataset) -> xr.Dataset | None:
 def table_in(whole: xr.Dataset, name: str, empty: pd.DataFrame) -> pd.DataFrame:
     """The table whose columns are kept as variables with a prefix; the empty one if none are."""
     found = {str(key).removeprefix(f"{name}_"): whole[key].to_numpy() for key in whole.data_vars if str(key).startswith(f"{name}_")}
-    if found and list(found) != list(empty):
+    if found and set(found) != set(empty):
         raise ValueError(f"the table of {name}s has other columns")
-    return pd.DataFrame(found) if found else empty
+    return pd.DataFrame({column: found[column] for column in empty}) if found else empty
 
 
 def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.Dataset:
