@@ -79,8 +79,6 @@ def check_output(path: Path, force: bool) -> None:
     """Refuse before anything is computed."""
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
-    if path.exists() and not path.is_file():  # a device or a pipe: nothing there can be lost
-        return
     if not path.parent.is_dir():
         raise Mistake(f"--output: the folder {str(path.parent)!r} does not exist")
     if not os.access(path.parent, os.W_OK):
