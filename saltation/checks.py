@@ -159,8 +159,7 @@ def computed(scene: Any) -> dict[str, str]:
             pairs = scene.options("encounters")
             found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, {scene.cloud.boundary} along and across"
     solver = scene.solver
-    steps = f"rtol = {solver.rtol:g}" if solver.method == "collocation" else f"dt = {solver.dt:g} {scene.numbers.unit('d/u*')}"
-    found["solver"] = f"{solver.method}, {steps}"
+    found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} d/u*"
     length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else f"{scene.run.duration:g} s"
     found["run"] = f"{length}; seed {scene.run.seed}"
     if scene.effects == AUTO:
@@ -174,8 +173,7 @@ def _memory(scene: Any, engine: Engine) -> str:
     if scene.solver.method != "collocation":
         return f"{engine.members} components of the slip, {scene.history_rule()!r}{after}"
     last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
-    memory = f"{len(engine.rates)} exponentials, kernel {options.kernel}, {engine.horizon:g} {scene.numbers.unit('d/u*')} long"
-    return f"{engine.members} components of the slip × {memory}{last}{after}"
+    return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {engine.horizon:g} d/u* long{last}{after}"
 
 
 def left_out(scene: Any) -> list[str]:

@@ -73,8 +73,6 @@ def main() -> None:
 
 # Scenes
 
-NO_TOML = (ValueError, RecursionError)  # what the parser raises: also for numbers of too many digits and for lists in lists without end
-
 
 def split_field(option: str, text: str) -> tuple[list[str], str]:
     """(names, value) of "table.field=value"."""
@@ -87,7 +85,7 @@ def split_field(option: str, text: str) -> tuple[list[str], str]:
 
 def value_of(text: str) -> Any:
     """A value as in TOML; words need no quotes."""
-    with contextlib.suppress(*NO_TOML):
+    with contextlib.suppress(ValueError, RecursionError):  # no TOML, an integer of thousands of digits, or lists too deep
         found = tomllib.loads(f"value = {text}")
         if set(found) == {"value"}:
             return found["value"]
@@ -96,7 +94,7 @@ def value_of(text: str) -> Any:
 
 def values_of(text: str) -> list[Any]:
     """Values separated by commas."""
-    with contextlib.suppress(*NO_TOML):
+    with contextlib.suppress(ValueError, RecursionError):  # no TOML, an integer of thousands of digits, or lists too deep
         found = tomllib.loads(f"values = [{text}]")
         if set(found) == {"values"}:
             return list(found["values"])
