@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basset._files import replacing, write
-from saltation.scene import SceneError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -109,6 +108,8 @@ def only_writer(folder: Path) -> Iterator[None]:
     SceneError
         With one sentence, if another process writes there.
     """
+    from saltation.scene import SceneError
+
     file, what = folder / "lock", f"--output {os.fspath(folder)!r}"
     while True:
         handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
