@@ -26,6 +26,7 @@ else:
     _compile = Later("basset._compile")
 
 WIDTH = 160  # of tables that go to a file or a pipe
+INTERRUPTED = 130  # exit status, as shells have it
 
 
 class Mistake(click.ClickException):
@@ -60,10 +61,11 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
         try:
-            return super().invoke(ctx)
+            with printing():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("stopped: nothing is kept", err=True)
-            ctx.exit(130)
+            ctx.exit(INTERRUPTED)
         except EOFError as error:  # click would say "Aborted!"
             raise click.ClickException(f"a file ends too early: {error or 'nothing more can be read'}") from None
 
@@ -72,8 +74,30 @@ def console(error: bool = False) -> Console:
     """Where tables and progress go."""
     from rich.console import Console
 
-    made = Console(stderr=error, markup=False, highlight=False)
-    return made if made.is_terminal else Console(stderr=error, markup=False, highlight=False, width=WIDTH)
+    class Screen(Console):
+        """A console that leaves it to the command what a closed pipe means."""
+
+        def on_broken_pipe(self) -> None:
+            """Let the error pass."""
+            raise BrokenPipeError
+
+    made = Screen(stderr=error, markup=False, highlight=False)
+    return made if made.is_terminal else Screen(stderr=error, markup=False, highlight=False, width=WIDTH)
+
+
+@contextlib.contextmanager
+def printing() -> Iterator[None]:
+    """Print as far as somebody reads: a pipe that is closed is no failure."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def named(path: str | os.PathLike[str]) -> str:
+    """A file's name as it can be printed and drawn: bytes that are no UTF-8 are written out."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 @contextlib.contextmanager

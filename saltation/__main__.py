@@ -1,6 +1,26 @@
-"""`python -m saltation`: the commands without an installed script."""
+"""`python -m saltation`: the commands without an installed script; an interrupt is one sentence from the first line on."""
 
-from saltation.cli import main
+import os
+import signal
+from typing import Any
+
+
+def leave(*_: Any) -> None:
+    """End at once: while modules are loaded there is nothing to tidy up, and nobody to catch what is raised."""
+    os.write(2, b"stopped: nothing is kept\n")
+    os._exit(130)
+
+
+def main() -> None:
+    """Load the commands and run one."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, leave)
+    from saltation import cli
+
+    signal.signal(signal.SIGINT, before)
+    cli.main(prog_name="saltation")
+
 
 if __name__ == "__main__":
-    main(prog_name="python -m saltation")
+    main()

@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
+from copy import deepcopy
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,9 +24,9 @@ import click
 
 import saltation
 from basset import __version__, _command
-from basset._command import Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
+from basset._command import INTERRUPTED, Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, named, printing, progress
 from basset._lazy import Later
-from saltation._files import write
+from saltation._files import DamageError, only_writer, write
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,12 +67,16 @@ class Commands(_command.Commands):
         """Run the command."""
         try:
             return super().invoke(ctx)
+        except DamageError as error:
+            raise Mistake(str(error)) from None
         except ValueError as error:
             from saltation.scene import SceneError
 
             if isinstance(error, SceneError):
                 raise Mistake(str(error)) from None
             raise
+        except OSError as error:
+            raise Mistake(f"{named(error.filename or 'a file')!r} cannot be used: {error.strerror or error}") from None
         except BrokenExecutor as error:
             raise click.ClickException(f"{error}: nothing is kept") from None
 
@@ -127,7 +132,7 @@ def place(option: str, content: dict[str, Any], names: Sequence[str], value: Any
 
 def changed(content: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
     """A scene's content with every --set applied."""
-    copy: dict[str, Any] = json.loads(json.dumps(content)) if changes else content
+    copy = deepcopy(content) if changes else content
     for change in changes:
         names, value = split_field("--set", change)
         place("--set", copy, names, value_of(value) if value else "")
@@ -168,18 +173,23 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
             take_away(folder)
         with shown("flying", quiet) as report:
             result = saltation.run(made, report, folder)
-    if not quiet:
-        (print_result if made.cloud is None else print_cloud)(result)
-    elif result.status != "finished":
-        click.echo(f"{result.status}: {result.message}", err=True)
-    if output is not None:
-        if folder is None:
-            with mistakes_of_files("--output"):
-                result.save(output)
+    if output is not None and folder is None:
+        with stoppable(None), mistakes_of_files("--output"):
+            result.save(output)
+    with printing():
         if not quiet:
-            click.echo(f"written: {output}")
+            (print_result if made.cloud is None else print_cloud)(result)
+            tell_written(output)
+        elif result.status != "finished":
+            click.echo(f"{result.status}: {result.message}", err=True)
     if result.status == "failed":
         sys.exit(1)
+
+
+def tell_written(output: Path | None) -> None:
+    """Where what was asked for has gone; only after it is there."""
+    if output is not None:
+        click.echo(f"written: {named(output)}")
 
 
 def shown(what: str, quiet: bool) -> Any:
@@ -234,8 +244,9 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("leaving out", TimeElapsedColumn()) as report:
         table = advice.ablate(made, error=error, progress=report)
+    deliver(output, table, partial(advice_plots.ablation, scene=named(scene)))
     print_changes(console(), table)
-    deliver(output, table, partial(advice_plots.ablation, scene=scene))
+    tell_written(output)
 
 
 @main.command()
@@ -253,13 +264,14 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
         table = advice.uncertainty(made, error=error, progress=report)
+    deliver(output, table, partial(advice_plots.spread, scene=named(scene)))
     out = console()
     print_changes(out, table.set_index(["choice", "value"]))
     if combined:
         with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
             everything = advice.combinations(made, progress=report)
-        print_combinations(out, everything)
-    deliver(output, table, partial(advice_plots.spread, scene=scene))
+        print_combinations(out, everything, made)
+    tell_written(output)
 
 
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Any:
@@ -282,7 +294,6 @@ def deliver(output: Path | None, table: pd.DataFrame, picture: Callable[[pd.Data
             write(output, table.to_csv())
         else:
             draw(picture(table), output)
-    click.echo(f"written: {output}")
 
 
 @main.command()
@@ -307,7 +318,8 @@ def scenes() -> None:
 @click.option("--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; several: all combinations.")
 @click.option("--workers", type=int, help="Number of processes.  [default: all cores]")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a dask cluster instead.")
-@click.option("--reference", type=click.Path(path_type=Path), help="Measured means to judge by (CSV: variable, T, mean, sd, n, source).")
+@click.option("--rank", is_flag=True, help="Rank your own models too: by published regressions, or by --reference.")
+@click.option("--reference", type=click.Path(path_type=Path), help="Measured means to rank by (CSV: variable, T, mean, sd, n, source).")
 @click.option("--reference-particle-reynolds", "reference_reynolds", type=float, default=73.0, show_default=True, help="R_p that the reference is for.")
 def campaign(
     what: tuple[str, ...],
@@ -316,6 +328,7 @@ def campaign(
     varied: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
+    rank: bool,
     reference: Path | None,
     reference_reynolds: float,
 ) -> None:
@@ -342,25 +355,29 @@ def campaign(
             except BrokenExecutor as error:
                 raise click.ClickException(f"{error}: what is finished is kept in {str(output)!r}, the same command goes on from there") from None
         write(output / "table.csv", table.to_csv(index=False))
+        tables = {}
+        if what[0] == "grains":
+            tables = grains.analyses(table, lambda name: saltation.open(output / "runs" / f"{name}.nc"))
+        elif what[0] == "thesis" or rank or measured is not None:
+            try:
+                if table["stage"].isna().any():
+                    raise ValueError("it needs a stream in every scene")
+                ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
+            except ValueError as error:
+                raise Mistake(f"written: {named(output / 'table.csv')}; no ranking: {error}") from None
+            tables = {"ranking": ranking}
+        for name, found in tables.items():
+            write(output / f"{name}.csv", found.to_csv(index=False))
     out = console()
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     out.print(f"{len(table)} scenes: {counts}")
     if what[0] != "thesis":
         print_means(out, table)
     if what[0] == "grains":
-        with mistakes_of_files("--output"):
-            tables = grains.analyses(table, lambda name: saltation.open(output / "runs" / f"{name}.nc"))
-            for name, found in tables.items():
-                write(output / f"{name}.csv", found.to_csv(index=False))
         print_grains(out, tables)
-    elif not table["stage"].isna().any():
-        try:
-            ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
-        except ValueError as error:
-            raise Mistake(f"written: {output / 'table.csv'}; no ranking: {error}") from None
-        write(output / "ranking.csv", ranking.to_csv(index=False))
-        print_ranking(out, ranking)
-    out.print(f"written: {output}")
+    elif tables:
+        print_ranking(out, tables["ranking"])
+    tell_written(output)
 
 
 @main.command()
@@ -378,8 +395,10 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
     for name in names:
         if name not in known:
             raise Mistake(f"--figure must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
-    target = output or result.with_suffix(".png")
+    target = output or picture_of(result)
     check_picture("--output", target, (".png", ".pdf", ".svg"))
+    if target == result:
+        raise Mistake(f"--output must be another file than RESULT, got {str(target)!r}")
     if film is not None:
         check_picture("--animate", film, (".gif",))
     with mistakes_of_files("RESULT"):
@@ -403,7 +422,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
         path = target if len(chosen) == 1 else target.with_stem(f"{target.stem}_{name}")
         with mistakes_of_files("--output"):
             draw(figure, path)
-        click.echo(f"written: {path}")
+        click.echo(f"written: {named(path)}")
 
 
 @main.command()
@@ -432,7 +451,7 @@ def stoppable(output: Path | None) -> Iterator[None]:
         begun = output is not None and output.is_dir() and any(output.iterdir())
         kept = f"what is finished is kept in {str(output)!r}, the same command goes on from there" if begun else "nothing is kept"
         click.echo(f"stopped: {kept}", err=True)
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -449,17 +468,24 @@ def check_folder(path: Path) -> None:
 
 def take_away(path: Path) -> None:
     """What an earlier run left: only when all is ready for the next."""
-    if (path / "run.json").exists():
-        for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):
-            file.unlink(missing_ok=True)
+    if (path / "run.json").exists() or (path / "checkpoint.npz").exists():
+        with only_writer(path):
+            for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):
+                file.unlink(missing_ok=True)
 
 
 def open_result(path: Path) -> Any:
     """A result from a file or a folder."""
     try:
         return saltation.open(path)
-    except (TypeError, ValueError, KeyError):
-        raise Mistake(f"RESULT must be a file that `saltation run --output` wrote, got {str(path)!r}") from None
+    except DamageError as error:
+        raise Mistake(f"RESULT: {error}") from None
+
+
+def picture_of(result: Path) -> Path:
+    """The picture beside a result, called like it."""
+    own = result if result.name not in ("", "..") else Path(os.path.abspath(result))
+    return own.with_suffix(".png") if own.name else Path("figure.png")
 
 
 def check_picture(option: str, path: Path, kinds: Sequence[str]) -> None:
@@ -481,7 +507,7 @@ def draw_film(result: Any, path: Path, cloud: bool) -> None:
             animate(result, path, progress=report)
         except ValueError as error:
             raise Mistake(f"--animate: {error}") from None
-    click.echo(f"written: {path}")
+    click.echo(f"written: {named(path)}")
 
 
 def read_reference(path: Path) -> pd.DataFrame:
@@ -503,19 +529,19 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
         if series == "grains" and axes:
             raise Mistake("--vary is not for grains: give --set, and a folder for each value")
         for option, field in [("--set", change.partition("=")[0].strip()) for change in changes] + [("--vary", field) for field in fields]:
-            if field in OWN[series]:
+            if any(f"{own}.".startswith(f"{field}.") or f"{field}.".startswith(f"{own}.") for own in OWN[series]):
                 raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
         base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in SERIES[series]()]
         models = list(campaigns.MODEL)
     else:
         stems = [Path(name).stem for name in what]
-        base = [({"scene": stem if stems.count(stem) == 1 else name}, read(name)) for stem, name in zip(stems, what, strict=True)]
+        base = [({"scene": named(stem if stems.count(stem) == 1 else name)}, read(name)) for stem, name in zip(stems, what, strict=True)]
         models = ["scene"]
     models += [field for field in fields if not field.startswith(("grain.", "fluid.")) and field not in ("channel.transport_stage", "channel.shear_velocity")]
     runs = []
     for labels, content in base:
         for values in itertools.product(*(values for _, values in axes)):
-            copy = json.loads(json.dumps(content))
+            copy = deepcopy(content)
             for (names, _), value in zip(axes, values, strict=True):
                 place("--vary", copy, names, value)
             scene = scene_of(changed(copy, changes))
@@ -565,13 +591,9 @@ def print_result(result: Result) -> None:
     out = console()
     out.print(f"{result.status}: {result.message}; {len(result.jumps)} jumps count")
     if len(result.jumps):
-        print_summary(out, result.summary())
+        print_summary(out, result)
     if result.scene.numbers.stage is not None and len(result.jumps):
-        load = result.bed_load()
-        out.print(
-            f"bed load q* {load['rate']:.3g} (dynamic friction {load['dynamic_friction']:.3g}); "
-            f"Meyer-Peter & Müller {load['meyer_peter_mueller']:.3g}, Wong & Parker {load['wong_parker']:.3g}"
-        )
+        print_bed_load(out, result)
     print_choice(out, result.scene)
     known = result.provenance
     if known["stokes"] is not None:
@@ -581,15 +603,28 @@ def print_result(result: Result) -> None:
         out.print(f"warning: {text}")
 
 
+def print_bed_load(out: Console, result: Result) -> None:
+    """The rate, or why there is none."""
+    try:
+        load = result.bed_load()
+    except ValueError as error:
+        out.print(f"no bed load: {error}")
+        return
+    out.print(
+        f"bed load q* {load['rate']:.3g} (dynamic friction {load['dynamic_friction']:.3g}); "
+        f"Meyer-Peter & Müller {load['meyer_peter_mueller']:.3g}, Wong & Parker {load['wong_parker']:.3g}"
+    )
+
+
 def print_cloud(result: Any) -> None:
     """Summary of many grains, and how often they meet."""
     out = console()
-    cloud = result.scene.cloud
-    out.print(f"{result.status}: {result.message}; {cloud.number} grains, {result.time:.4g} d/u*, {len(result.jumps)} jumps count")
+    cloud, unit = result.scene.cloud, result.scene.numbers.unit("d/u*")
+    out.print(f"{result.status}: {result.message}; {cloud.number} grains, {result.time:.4g} {unit}, {len(result.jumps)} jumps count")
     if len(result.jumps):
-        print_summary(out, result.summary())
+        print_summary(out, result)
     often = result.frequencies()
-    out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per d/u*, ratio {often['ratio']:.3g}")
+    out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per {unit}, ratio {often['ratio']:.3g}")
     print_choice(out, result.scene)
     for fate, number in result.fates["fate"].value_counts().items():
         out.print(f"{number} grains ended {fate}")
@@ -607,17 +642,24 @@ def print_choice(out: Console, scene: Any) -> None:
         out.print(f"effects: {', '.join(found.kept)}; left out within {found.tolerance:.0%}: {gone or 'nothing'}; {found.jumps} jumps to find out")
 
 
-def print_summary(out: Console, summary: pd.DataFrame) -> None:
+def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
     from saltation.result import UNITS
 
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
         table.columns[column].justify = "right"
-    for name, row in summary.iterrows():
+    for name, row in result.summary().iterrows():
         values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
-        table.add_row(str(name), *values, UNITS[str(name)][0])
+        table.add_row(str(name), *values, result.scene.numbers.unit(UNITS[str(name)][0]))
     out.print(table)
+    print_scale(out, result.scene)
+
+
+def print_scale(out: Console, scene: Any) -> None:
+    """What V is where there is no u*."""
+    if scene.numbers.stage is None:
+        out.print(f"{scene.numbers.scale} = {scene.numbers.velocity:.4g} m/s: still water has no u*")
 
 
 def print_changes(out: Console, table: pd.DataFrame) -> None:
@@ -633,13 +675,13 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
     out.print(shown)
 
 
-def print_combinations(out: Console, table: pd.DataFrame) -> None:
+def print_combinations(out: Console, table: pd.DataFrame, scene: Any) -> None:
     """Quantiles over all combinations, and what each choice contributes."""
     finished = table["status"] == "finished"
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
     from saltation.result import UNITS
 
-    shown = Table("", *(f"{name} ({UNITS[name][0]})" for name in statistics.VARIABLES), box=None)
+    shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
     for quantile, row in advice.extent(table).iterrows():
         shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))
     for choice, row in advice.shares(table).iterrows():

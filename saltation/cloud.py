@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -19,10 +20,22 @@ from scipy.spatial import cKDTree
 from basset.kernels import Floats
 from basset.solvers import _march
 from saltation import encounters, flight
-from saltation._files import replacing, write
+from saltation._files import DamageError, only_writer, replacing, store, write
 from saltation._keys import key_of, text_of
 from saltation.campaigns import CHUNK, cost_of
-from saltation.cloud_result import CloudResult, encounter_table, fate_table, open_folder, ordered, path_dataset, tables_to_dataset
+from saltation.cloud_result import (
+    STOPPED,
+    CloudResult,
+    encounter_table,
+    fate_table,
+    open_folder,
+    ordered,
+    part_in,
+    path_dataset,
+    tables_to_dataset,
+    words_in,
+    words_of,
+)
 from saltation.encounters import PILE_UP, UNTIL, empty_crowd
 from saltation.engine import DEFAULT_FIRST, Engine, Start, room
 from saltation.flow import both
@@ -196,18 +209,14 @@ class Part:
         if not len(self.samples.values):
             return None
         times = (self.first + np.arange(len(self.samples.values))) * self.interval
-        numbers = self.engine.numbers
         done = times <= until * ROUNDED
-        path = path_dataset(times[done], self.samples.values[done], {"diameter": numbers.diameter, "velocity": numbers.velocity})
+        path = path_dataset(self.engine.scene, times[done], self.samples.values[done])
         return path.assign_coords(grain=path["grain"] + np.int32(self.grains.start))
 
     def dataset(self, until: float) -> Any:
         """All of it."""
-        whole, path = tables_to_dataset(*self.tables()), self.path(until)
+        whole, path = tables_to_dataset(self.engine.scene, *self.tables()), self.path(until)
         return whole if path is None else whole.merge(path, combine_attrs="override")
-
-
-STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
 
 
 @dataclass(frozen=True)
@@ -225,56 +234,95 @@ class Folder:
     """The folder of a long run: numbered parts, a checkpoint after each, and run.json with how far it has come.
 
     Every file is renamed into place when it is whole, the checkpoint after its part and run.json last: killed at any time,
-    the run goes on from the last checkpoint and writes the same bits.
+    the run goes on from the last checkpoint and writes the same bits. A damaged run.json is made again from the checkpoint.
     """
 
     def __init__(self, path: str | os.PathLike[str], scene: Any) -> None:
         self.path, self.scene = Path(path), scene
         self.key = key_of(scene)
+        self.checkpoint = self.path / "checkpoint.npz"
+        self._held = contextlib.ExitStack()
+
+    def __enter__(self) -> Folder:
+        """Nobody else writes here from now on."""
         self.path.mkdir(parents=True, exist_ok=True)
-        for name in ("part-*.nc", "checkpoint.npz", "run.json"):
-            for stray in self.path.glob(f".{name}.*"):  # of a run that was killed while it wrote
-                stray.unlink(missing_ok=True)
-        if self.told() is None and any(self.path.iterdir()):
-            raise SceneError(f"--output {str(self.path)!r} holds something else: give an empty or a new folder")
+        with contextlib.ExitStack() as held:
+            held.enter_context(only_writer(self.path))
+            for name in ("part-*.nc", "checkpoint.npz", "run.json"):
+                for stray in self.path.glob(f".{name}.*"):  # of a run that was killed while it wrote
+                    stray.unlink(missing_ok=True)
+            if not self.begun() and any(file.name != "lock" for file in self.path.iterdir()):
+                raise SceneError(f"--output {str(self.path)!r} holds something else: give an empty or a new folder")
+            self._held = held.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let others write."""
+        self._held.close()
+
+    def begun(self) -> bool:
+        """Whether a run of this scene is here."""
+        return self.told() is not None or self.checkpoint.exists()
 
     def told(self) -> dict[str, Any] | None:
-        """What run.json says; None if there is none."""
+        """What run.json says; None if there is none, or none that is whole beside a checkpoint."""
         try:
-            told: dict[str, Any] = json.loads((self.path / "run.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            told = words_in(self.path)
+        except OSError:
             return None
-        if told.get("key") != self.key:
-            raise SceneError(f"--output {str(self.path)!r} holds the run of another scene or version: give a new folder")
+        except DamageError as error:
+            if self.checkpoint.exists():
+                return None
+            raise SceneError(f"--output: {error}") from None
+        self._check(told["key"])
         return told
+
+    def _check(self, key: str) -> None:
+        if key != self.key:
+            raise SceneError(f"--output {str(self.path)!r} holds the run of another scene or version: give a new folder")
 
     def tell(self, told: Told, known: dict[str, Any]) -> None:
         """Write run.json."""
-        content = {"key": self.key} | asdict(told) | {"provenance": known}
-        write(self.path / "run.json", json.dumps(content | {"scene": json.loads(text_of(self.scene))}, indent=1) + "\n")
+        content = {"key": self.key} | asdict(told) | {"provenance": known, "scene": json.loads(text_of(self.scene))}
+        write(self.path / "run.json", words_of(content))
 
-    def put(self, number: int, dataset: Any) -> None:
+    def put(self, number: int, dataset: Any, reached: float) -> None:
         """Write a part."""
-        with replacing(self.path / f"part-{number:05d}.nc") as name:
-            dataset.to_netcdf(name, engine="scipy")
+        dataset.attrs = {"key": self.key, "part": number, "reached": reached}
+        store(dataset, self.path / f"part-{number:05d}.nc")
 
     def keep(self, cloud: Cloud, told: Told) -> None:
         """Write a checkpoint: how far the run has come and all that is needed to go on."""
-        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count, "told": np.array(json.dumps(asdict(told)))}
-        with replacing(self.path / "checkpoint.npz") as name, open(name, "wb") as file:
+        words = {"key": np.array(self.key), "told": np.array(json.dumps(asdict(told)))}
+        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count} | words
+        with replacing(self.checkpoint) as name, open(name, "wb") as file:
             np.savez(file, **arrays)
 
     def recall(self, cloud: Cloud) -> Told:
         """Put a cloud back to the last checkpoint."""
-        file = self.path / "checkpoint.npz"
-        if not file.exists():
+        if not self.checkpoint.exists():
             return Told(0, 0.0, *STOPPED, [])
-        with np.load(file) as kept:
-            for name, array in cloud.crowd._asdict().items():
-                array[:] = kept[name]
-            cloud.heads[:], cloud.logs.count[:] = kept["heads"], kept["count"]
-            cloud.tabulate()
-            return Told(**json.loads(str(kept["told"])))
+        arrays = cloud.crowd._asdict() | {"heads": cloud.heads, "count": cloud.logs.count}
+        try:
+            with open(self.checkpoint, "rb") as file, np.load(file) as kept:  # every array in it has a checksum
+                found = {name: kept[name] for name in arrays}
+                key, told = str(kept["key"]), Told(**json.loads(str(kept["told"])))
+                alike = all((found[name].shape, found[name].dtype) == (array.shape, array.dtype) for name, array in arrays.items())
+        except Exception:  # foreign bytes raise anything
+            alike = False
+        if not alike:
+            told_so_far = f"saltation.open({str(self.path)!r}) gives what there is"
+            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged: take a copy, or start the run anew with --force; {told_so_far}")
+        self._check(key)
+        try:
+            for number in range(told.parts):
+                part_in(self.path / f"part-{number:05d}.nc", number, self.key)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"--output: {error}") from None
+        for name, array in arrays.items():
+            array[:] = found[name]
+        cloud.tabulate()
+        return told
 
 
 def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
@@ -343,6 +391,11 @@ def run_cloud(
     grains: range | None = None,
 ) -> CloudResult:
     """Simulate many grains, or without encounters some of them; as `saltation.run`."""
+    with Folder(output, scene) if output is not None else contextlib.nullcontext() as folder:
+        return _run(scene, progress, folder, grains)
+
+
+def _run(scene: Any, progress: Callable[[float], None] | None, folder: Folder | None, grains: range | None) -> CloudResult:
     engine = Engine(scene)
     cloud = Cloud(engine, grains)
     end, interval = scene.run.duration / engine.numbers.time, scene.cloud.interval
@@ -351,7 +404,6 @@ def run_cloud(
     stretch = count * interval
     last = max(1, math.ceil(end / stretch * (1.0 - 1e-12)))
     known = origin(engine)
-    folder = Folder(output, scene) if output is not None else None
     told = Told(0, 0.0, *STOPPED, [])
     if folder is not None:
         if (before := folder.told()) is not None and before["status"] != STOPPED[0]:
@@ -375,7 +427,7 @@ def run_cloud(
         if folder is None:
             parts.append(part)
         else:
-            folder.put(k, part.dataset(reached))
+            folder.put(k, part.dataset(reached), reached)
             folder.keep(cloud, told)
             folder.tell(told, known)
     if folder is not None:

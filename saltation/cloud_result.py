@@ -12,15 +12,19 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from basset import _validate
 from basset.kernels import Floats
 from saltation import encounters, flight, statistics
-from saltation.result import UNITS, Kept, shares, table_in, table_of, that_count
+from saltation._files import DamageError, open_dataset
+from saltation._keys import hash_of
+from saltation.result import UNITS, Kept, path_in, shares, table_in, table_of, that_count, told_of
 from saltation.scene import scene_of
 
 __all__ = ["CloudResult"]
 
 WHOLE = ("grain", "first", "second")  # columns that count grains
 ENCOUNTER_UNITS = {"time": "d/u*", "first": "1", "second": "1", "restitution": "1", "distance": "d"}  # others by what they are
+FATES = {"grain": "number of the grain", "time": "when it left the run", "fate": "at rest, creeping or aloft"}
 AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}
 
 
@@ -135,11 +139,12 @@ class CloudResult(Kept):
         if not self._parts or not self.scene.run.trajectory:
             raise ValueError("trajectory was not kept: set run.trajectory = true")
         pieces = []
-        for part in self._parts:
-            with xr.open_dataset(part, engine="scipy") as opened:
-                pieces.append(opened[[name for name in opened.data_vars if "time" in opened[name].dims]].load())
-        whole = xr.concat(pieces, "time", data_vars="all")
-        whole.attrs = {"diameter": self.scene.numbers.diameter, "velocity": self.scene.numbers.velocity}
+        for number, part in enumerate(self._parts):
+            opened = part_in(part, number, None)
+            opened.attrs |= {"diameter": self.scene.numbers.diameter, "velocity": self.scene.numbers.velocity}
+            if (piece := path_in(self.scene, opened)) is not None:
+                pieces.append(piece)
+        whole: xr.Dataset = xr.concat(pieces, "time", data_vars="all")
         return whole
 
     def profiles(self, bins: int = 30, start: float = 0.0) -> pd.DataFrame:
@@ -184,9 +189,10 @@ class CloudResult(Kept):
         Dataset
             Units in the variables' attributes.
         """
-        whole = tables_to_dataset(self.all_jumps, self.encounters)
-        for name, values in self.fates.items():
-            whole[f"fate_{name}"] = ("fate", values.to_numpy())
+        whole = tables_to_dataset(self.scene, self.all_jumps, self.encounters)
+        for name, unit in (("grain", "1"), ("time", "d/u*"), ("fate", "1")):
+            whole[f"fate_{name}"] = ("fate", self.fates[name].to_numpy(), told_of(self.scene, unit, FATES[name]))
+        whole["fate_fate"].attrs.pop("units")  # a word
         if self._path is not None or (self._parts and self.scene.run.trajectory):
             whole = whole.merge(self.trajectory, combine_attrs="override")
         whole.attrs = self._told() | {"end": self.time}
@@ -206,21 +212,33 @@ class CloudResult(Kept):
         -------
         CloudResult
         """
-        names = [name for name in whole.data_vars if "time" in whole[name].dims]
-        path = whole[names] if names else None
-        if path is not None:
-            path.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
         told = whole.attrs
-        jumps, met, fates = (table_in(whole, name) for name in ("jump", "encounter", "fate"))
-        return cls(scene, jumps, met, fates, told["status"], told["message"], json.loads(told["provenance"]), told["end"], path)
+        jumps = table_in(whole, "jump", no_jumps())
+        met = table_in(whole, "encounter", no_encounters())
+        fates = table_in(whole, "fate", fate_table([]))
+        rows = list(map(list, zip(fates["grain"], fates["time"], fates["fate"], strict=True)))
+        provenance = json.loads(told["provenance"])
+        return cls(scene, jumps, met, fate_table(rows), told["status"], told["message"], provenance, told["end"], path_in(scene, whole))
 
 
-def tables_to_dataset(jumps: pd.DataFrame, met: pd.DataFrame) -> xr.Dataset:
+def tables_to_dataset(scene: Any, jumps: pd.DataFrame, met: pd.DataFrame) -> xr.Dataset:
     """Tables of jumps and encounters as variables."""
     told = UNITS | {"grain": ("1", "number of the grain")}
-    data: dict[str, Any] = {f"jump_{name}": ("jump", jumps[name].to_numpy(), {"units": told[name][0], "long_name": told[name][1]}) for name in jumps}
-    data |= {f"encounter_{name}": ("encounter", met[name].to_numpy(), {"units": encounter_unit(name)}) for name in met}
+    data: dict[str, Any] = {f"jump_{name}": ("jump", jumps[name].to_numpy(), told_of(scene, *told[str(name)])) for name in jumps}
+    data |= {f"encounter_{name}": ("encounter", met[name].to_numpy(), told_of(scene, encounter_unit(name), name.replace("_", " "))) for name in met}
     return xr.Dataset(data)
+
+
+def no_jumps() -> pd.DataFrame:
+    """A table of jumps without a row."""
+    table = table_of(np.zeros((0, len(flight.COLUMNS))), 1.0)
+    table.insert(0, "grain", np.zeros(0, dtype=np.int32))
+    return table
+
+
+def no_encounters() -> pd.DataFrame:
+    """A table of encounters without a row."""
+    return encounter_table(np.zeros((0, len(encounters.COLUMNS))))
 
 
 def encounter_table(rows: Floats) -> pd.DataFrame:
@@ -229,20 +247,23 @@ def encounter_table(rows: Floats) -> pd.DataFrame:
     return pd.DataFrame({name: values.astype(np.int32) if name in WHOLE else values for name, values in columns.items()})
 
 
-def path_dataset(times: Floats, values: Floats, attributes: dict[str, Any]) -> xr.Dataset:
+def path_dataset(scene: Any, times: Floats, values: Floats) -> xr.Dataset:
     """Paths from samples (time, grain, 2·dimensions)."""
     names = "xyz" if values.shape[2] == 6 else "xz"
     speeds = {"x": "u", "y": "v", "z": "w"}
-    data = {name: (("time", "grain"), values[:, :, k], {"units": "d", "long_name": AXES[name]}) for k, name in enumerate(names)}
+    data = {name: (("time", "grain"), values[:, :, k], told_of(scene, "d", AXES[name])) for k, name in enumerate(names)}
     for k, name in enumerate(names):
-        data[speeds[name]] = ("time", "grain"), values[:, :, len(names) + k], {"units": "u*", "long_name": f"velocity along {name}"}
-    coordinates = {"time": ("time", times, {"units": "d/u*", "long_name": "time"}), "grain": np.arange(values.shape[1], dtype=np.int32)}
-    return xr.Dataset(data, coords=coordinates, attrs=attributes)
+        data[speeds[name]] = ("time", "grain"), values[:, :, len(names) + k], told_of(scene, "u*", f"velocity along {name}")
+    coordinates = {"time": ("time", times, told_of(scene, "d/u*", "time")), "grain": np.arange(values.shape[1], dtype=np.int32)}
+    numbers = scene.numbers
+    return xr.Dataset(data, coords=coordinates, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})
 
 
 def fate_table(rows: list[list[Any]]) -> pd.DataFrame:
     """The table of fates from what a run notes."""
-    return pd.DataFrame(sorted(rows, key=lambda row: (row[1], row[0])), columns=["grain", "time", "fate"])
+    rows = sorted(rows, key=lambda row: (row[1], row[0]))
+    grains, times, fates = ([row[k] for row in rows] for k in range(3))
+    return pd.DataFrame({"grain": np.array(grains, dtype=np.int32), "time": np.array(times, dtype=np.float64), "fate": np.array(fates, dtype=np.str_)})
 
 
 def ordered(jumps: pd.DataFrame) -> pd.DataFrame:
@@ -250,28 +271,88 @@ def ordered(jumps: pd.DataFrame) -> pd.DataFrame:
     return jumps.sort_values(["grain", "start"], kind="stable", ignore_index=True)
 
 
-def open_folder(folder: Path) -> CloudResult:
-    """The result in the folder of a long run, as far as it has come.
+STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
+WORDS = {"parts", "time", "status", "message", "fates", "provenance", "scene", "key"}  # of run.json
+
+
+def words_in(folder: Path) -> dict[str, Any]:
+    """What run.json says.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    DamageError
+        If it is not what was written.
+    """
+    file = folder / "run.json"
+    content = file.read_bytes()
+    try:
+        told: dict[str, Any] = json.loads(content)
+        check = told.pop("check", None)
+        whole = set(told) == WORDS and (check is None or check == hash_of(json.dumps(told)))
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        whole = False
+    if not whole:
+        raise DamageError(f"{str(file)!r} is damaged: take a copy, or start the run anew with --force")
+    return told
+
+
+def words_of(told: dict[str, Any]) -> str:
+    """What run.json holds to say so."""
+    return json.dumps(told | {"check": hash_of(json.dumps(told))}, indent=1) + "\n"
+
+
+def part_in(file: Path, number: int, key: str | None) -> xr.Dataset:
+    """A part of a run.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    DamageError
+        If it is not what was written, or of another run.
+    """
+    found = open_dataset(file)
+    own = found.attrs.get("part", number) == number and key in (None, found.attrs.get("key", key))
+    if not own or ("part" not in found.attrs and "jump_start" not in found):
+        raise DamageError(f"{str(file)!r} is no part {number} of this run: take a copy of its own, or start the run anew with --force")
+    return found
+
+
+def open_folder(folder: Path, count: int | None = None) -> CloudResult:
+    """The result in the folder of a long run, as far as it has come, or its first so many parts.
 
     Raises
     ------
     ValueError
-        If it is no such folder.
+        If it is no such folder, or a file of it is not what was written.
     """
     try:
-        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        told = words_in(folder)
+    except OSError:
+        raise DamageError(f"{str(folder)!r} is no saltation result: it has no run.json that can be read") from None
+    try:
         scene = scene_of(told["scene"])
-    except (OSError, ValueError, KeyError):
-        raise ValueError(f"{str(folder)!r} is no saltation result: it has no run.json that can be read") from None
-    parts = [folder / f"part-{k:05d}.nc" for k in range(told["parts"])]
-    jumps, met = [], []
-    if not parts:  # stopped before the first one was whole
-        jumps.append(table_of(np.zeros((0, len(flight.COLUMNS))), 1.0).assign(grain=np.zeros(0, dtype=np.int32)))
-        met.append(encounter_table(np.zeros((0, len(encounters.COLUMNS)))))
-    for part in parts:
-        with xr.open_dataset(part, engine="scipy") as opened:
-            jumps.append(table_in(opened, "jump"))
-            met.append(table_in(opened, "encounter"))
-    whole = ordered(pd.concat(jumps, ignore_index=True))
-    fates = fate_table(told["fates"])
-    return CloudResult(scene, whole, pd.concat(met, ignore_index=True), fates, told["status"], told["message"], told["provenance"], told["time"], None, parts)
+        status, message, provenance = told["status"], told["message"], told["provenance"] | {}
+        fates, time, parts = fate_table(told["fates"]), float(told["time"]), range(told["parts"])
+    except (ValueError, TypeError, KeyError, IndexError) as error:
+        raise DamageError(f"{str(folder / 'run.json')!r} is no saltation result that can be read: {' '.join(str(error).split())}") from None
+    if count is not None and _validate.integer("parts", count, 0, len(parts)) < len(parts):
+        parts, status, message, time = parts[:count], STOPPED[0], f"the first {count} of {len(parts)} parts", 0.0
+    files = [folder / f"part-{k:05d}.nc" for k in parts]
+    jumps, met = [no_jumps()], [no_encounters()]
+    for number, file in enumerate(files):
+        try:
+            opened = part_in(file, number, told["key"])
+            jumps.append(table_in(opened, "jump", jumps[0]))
+            met.append(table_in(opened, "encounter", met[0]))
+            time = float(opened.attrs.get("reached", np.nan)) if len(parts) < told["parts"] else time
+        except (OSError, ValueError) as error:
+            text = str(error) if isinstance(error, ValueError) else f"{str(file)!r} cannot be read: {error.strerror}"
+            before = f"; what lies before is whole: saltation.open({str(folder)!r}, parts={number})" if number else ""
+            raise DamageError(text + before) from None
+    whole = ordered(pd.concat(jumps[1:] or jumps, ignore_index=True))
+    met_all = pd.concat(met[1:] or met, ignore_index=True)
+    left = fates[~(fates["time"] > time)].reset_index(drop=True)
+    return CloudResult(scene, whole, met_all, left, status, message, provenance, time, None, files)

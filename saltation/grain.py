@@ -97,6 +97,31 @@ class Numbers:
         """Coefficient c = 9α/√(π Re*) of the history integral in (d/V)^(-1/2), thesis (3-1)."""
         return 9.0 * self.alpha / math.sqrt(math.pi * self.reynolds)
 
+    @property
+    def scale(self) -> str:
+        """What V is."""
+        return "u*, the shear velocity" if self.stage is not None else "V = √(|R| g d)"
+
+    def unit(self, name: str) -> str:
+        """A unit as it is called here: still water has no u*.
+
+        Parameters
+        ----------
+        name : str
+            The unit where there is a stream, such as d/u*.
+
+        Returns
+        -------
+        str
+            The same, or with V in place of u*.
+
+        Examples
+        --------
+        >>> numbers_of(1000.0, 1e-6, 2650.0, 1e-3).unit("d/u*")
+        'd/V'
+        """
+        return name if self.stage is not None else name.replace("u*", "V")
+
     def stokes(self, speed: float) -> float:
         """Collision Stokes number ρ_s d V_n/(9 μ).
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -21,7 +20,7 @@ from numpy.polynomial import legendre
 from basset import __version__
 from basset.kernels import Floats
 from saltation import flight, regressions, statistics
-from saltation._files import replacing
+from saltation._files import DamageError, content_of, open_dataset, store
 from saltation.effects import EFFECTS
 from saltation.engine import REST, Engine
 from saltation.scene import scene_of
@@ -54,7 +53,25 @@ UNITS = {  # of the table of jumps
     "impulse_z": ("m u*", "up"),
     "contacts": ("1", "contacts at the impact before the grain moved up"),
 }
+SI = {  # of a unit of length d and of velocity V: the SI unit, and how often d and V go into it
+    "d": ("m", 1, 0),
+    "d/u*": ("s", 1, -1),
+    "u*": ("m s-1", 0, 1),
+    "u*/d": ("rad s-1", -1, 1),
+    "u*2/d": ("m s-2", -1, 2),
+    "m u*": ("m s-1", 0, 1),
+}
 CREEP = 0.1  # d: lower jumps are counted as creeping
+
+
+def told_of(scene: Any, unit: str, text: str) -> dict[str, Any]:
+    """Attributes of a variable by the conventions CF: what is measured in d and u* is dimensionless, and says what it is a multiple of."""
+    if unit not in SI:
+        return {"units": unit, "long_name": text}
+    numbers = scene.numbers
+    name, lengths, velocities = SI[unit]
+    factor = float(numbers.diameter**lengths * numbers.velocity**velocities)
+    return {"units": "1", "long_name": text, "scale": numbers.unit(unit), "si_units": name, "si_factor": factor}
 
 
 def table_of(rows: Floats, stokes: float) -> pd.DataFrame:
@@ -134,7 +151,36 @@ class Kept:
             "provenance": json.dumps(self.provenance),
             "diameter": numbers.diameter,
             "velocity": numbers.velocity,
+            "velocity_scale": numbers.scale,
         }
+
+    def to_si(self) -> xr.Dataset:
+        """Everything as one dataset in SI units; angles stay in degrees.
+
+        Returns
+        -------
+        Dataset
+            As `dataset`, in m, s, m s-1, rad s-1 and m s-2; impulses per mass of the grain. Units in the variables' attributes.
+
+        Examples
+        --------
+        >>> import saltation
+        >>> result = saltation.run(saltation.load("bouncing"))
+        >>> height = result.to_si()["jump_height"]
+        >>> height.attrs["units"], bool(abs(height[0] / result.scene.grain.diameter - result.jumps["height"][0]) < 1e-12)
+        ('m', True)
+        """
+        whole = self.dataset()
+        changed = {}
+        for name, variable in whole.variables.items():
+            attrs = dict(variable.attrs)
+            if "si_factor" in attrs:
+                attrs["units"], factor = attrs.pop("si_units"), attrs.pop("si_factor")
+                del attrs["scale"]
+                changed[name] = (variable.dims, variable.to_numpy() * factor, attrs)
+        return whole.assign({name: value for name, value in changed.items() if name in whole.data_vars}).assign_coords(
+            {name: value for name, value in changed.items() if name in whole.coords}
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write netCDF, atomically: to a temporary file beside `path` that is then renamed.
@@ -158,8 +204,7 @@ class Kept:
         ...     saltation.open(Path(folder) / "out.nc").status
         'finished'
         """
-        with replacing(path) as name:
-            self.dataset().to_netcdf(name, engine="scipy")
+        store(self.dataset(), path)
 
 
 @dataclass(eq=False)
@@ -263,7 +308,7 @@ class Result(Kept):
         """
         if self._path is not None:
             return self._path
-        if self._record is None or self._engine is None or self._spins is None:
+        if self._engine is None or self._spins is None or not self.scene.run.trajectory:
             raise ValueError("trajectory was not kept: set run.trajectory = true")
         return path_of(self._engine, self._record, self._spins)
 
@@ -391,24 +436,26 @@ class Result(Kept):
         Examples
         --------
         >>> import saltation
-        >>> saltation.run(saltation.load("bouncing")).dataset()["jump_height"].attrs["units"]
+        >>> saltation.run(saltation.load("bouncing")).dataset()["jump_height"].attrs["scale"]
         'd'
         """
-        told = {name: dict(zip(("units", "long_name"), UNITS[name], strict=True)) for name in self.all_jumps}
-        whole = xr.Dataset({f"jump_{name}": ("jump", self.all_jumps[name].to_numpy(), told[name]) for name in self.all_jumps})
-        if self._path is not None or self._record is not None:
+        table = self.all_jumps
+        whole = xr.Dataset({f"jump_{name}": ("jump", table[name].to_numpy(), told_of(self.scene, *UNITS[str(name)])) for name in table})
+        if self._path is not None or (self._engine is not None and self.scene.run.trajectory):
             whole = whole.merge(self.trajectory, combine_attrs="override")
         whole.attrs = self._told()
         return whole
 
 
-def open_result(path: str | os.PathLike[str]) -> Any:
+def open_result(path: str | os.PathLike[str], parts: int | None = None) -> Any:
     """A result from a file that `Result.save` or `CloudResult.save` wrote, or from the folder of a long run, finished or not.
 
     Parameters
     ----------
     path : path
         A file, or the folder of a long run.
+    parts : int, optional
+        Of a folder, how many parts to read, from the first on: those before one that is damaged. Default all.
 
     Returns
     -------
@@ -417,7 +464,7 @@ def open_result(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     ValueError
-        If it is not one.
+        If it is not one, or a file of it is no longer what was written: with one sentence that names the file.
 
     Examples
     --------
@@ -432,35 +479,39 @@ def open_result(path: str | os.PathLike[str]) -> Any:
     """
     from saltation.cloud_result import open_folder
 
-    if Path(path).is_dir():
-        return open_folder(Path(path))
-    try:
-        with xr.open_dataset(path, engine="scipy") as opened:
-            whole = opened.load()
-    except TypeError:
-        raise ValueError(f"{os.fspath(path)!r} is no saltation result: it is no netCDF 3 file") from None
+    place = Path(path)
+    if place.is_dir():
+        return open_folder(place, parts)
+    if parts is not None:
+        raise ValueError(f"parts is for the folder of a long run, got the file {str(place)!r}")
+    return result_in(open_dataset(place), repr(str(place)))
+
+
+def result_in(whole: xr.Dataset, name: str) -> Any:
+    """The result in a dataset from a file of that name."""
     if "scene" not in whole.attrs:
-        raise ValueError(f"{os.fspath(path)!r} is no saltation result: it has no scene")
-    return result_of(whole)
+        raise DamageError(f"{name} is no saltation result: it has no scene")
+    try:
+        return result_of(whole)
+    except Exception as error:  # only where no checksum was kept does it come to this
+        raise DamageError(f"{name} is no saltation result that can be read: {' '.join(str(error).split())}") from None
 
 
 def packed(result: Any, key: str) -> bytes:
     """A result as the content of a file that can be opened, with the name of its scene for `key_in`."""
-    return bytes(result.dataset().assign_attrs(key=key).to_netcdf(engine="scipy"))
+    return content_of(result.dataset().assign_attrs(key=key))
 
 
 def unpacked(content: bytes) -> Any:
     """The result that was packed."""
-    with xr.open_dataset(io.BytesIO(content), engine="scipy") as opened:
-        return result_of(opened.load())
+    return result_of(open_dataset(content))
 
 
 def key_in(path: Path) -> Any:
-    """The key that a packed result in a file has; None if there is none."""
+    """The key that a packed result in a file has; None if there is none, or the file is not whole."""
     try:
-        with xr.open_dataset(path, engine="scipy") as opened:
-            return opened.attrs.get("key")
-    except (OSError, TypeError, ValueError):
+        return open_dataset(path).attrs.get("key")
+    except (OSError, ValueError):
         return None
 
 
@@ -471,23 +522,41 @@ def result_of(whole: xr.Dataset) -> Any:
     scene = scene_of(json.loads(whole.attrs["scene"]))
     if scene.cloud is not None:
         return CloudResult.of_dataset(scene, whole)
-    jumps = table_in(whole, "jump")
-    path_variables = [name for name in whole.data_vars if "time" in whole[name].dims]
-    kept = whole[path_variables] if path_variables else None
-    if kept is not None:
-        kept.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
-    return Result(scene, jumps, whole.attrs["status"], whole.attrs["message"], json.loads(whole.attrs["provenance"]), kept)
+    jumps = table_in(whole, "jump", table_of(np.zeros((0, len(flight.COLUMNS))), 1.0))
+    told = whole.attrs
+    return Result(scene, jumps, told["status"], told["message"], json.loads(told["provenance"]), path_in(scene, whole))
 
 
-def table_in(whole: xr.Dataset, name: str) -> pd.DataFrame:
-    """The table whose columns are kept as variables with a prefix."""
-    return pd.DataFrame({str(key).removeprefix(f"{name}_"): whole[key].to_numpy() for key in whole.data_vars if str(key).startswith(f"{name}_")})
+def path_in(scene: Any, whole: xr.Dataset) -> xr.Dataset | None:
+    """The path of a dataset; None if none was kept."""
+    names = [name for name in whole.data_vars if "time" in whole[name].dims]
+    if not names:
+        return None
+    path = whole[names]
+    path.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
+    for name in (*names, "time"):
+        attrs = path[name].attrs
+        if attrs["units"] in SI:  # of a file that was written with units of our own
+            path[name].attrs = told_of(scene, attrs["units"], attrs["long_name"])
+    return path
 
 
-def path_of(engine: Engine, record: flight.Record, spins: Floats) -> xr.Dataset:
-    """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut."""
+def table_in(whole: xr.Dataset, name: str, empty: pd.DataFrame) -> pd.DataFrame:
+    """The table whose columns are kept as variables with a prefix; the empty one if none are."""
+    found = {str(key).removeprefix(f"{name}_"): whole[key].to_numpy() for key in whole.data_vars if str(key).startswith(f"{name}_")}
+    if found and set(found) != set(empty):
+        raise ValueError(f"the table of {name}s has other columns")
+    return pd.DataFrame({column: found[column] for column in empty}) if found else empty
+
+
+def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.Dataset:
+    """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut; the start alone where none was flown."""
     tables = engine.tables
     count = tables.count
+    if record is None or not (record.share > 0.0).any():
+        start = engine.first()
+        state = engine.state_of(start)[None]
+        return path_at(engine, np.zeros(1), state, np.full_like(state, np.nan), np.array([start.spin]))
     flown = record.share > 0.0  # a rebound may leave no flight at all
     which = np.cumsum(np.append(0, record.share[:-1] < 1.0))[flown]  # flight of each step
     record = flight.Record(*(array[flown] for array in record))
@@ -550,9 +619,9 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
         told = "acceleration by the history force (NaN at takeoff: infinite)"
         for k, (axis, place) in enumerate(axes.items()):
             columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", told
-    data = {name: ("time", values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
+    data = {name: ("time", values, told_of(engine.scene, unit, text)) for name, (values, unit, text) in columns.items()}
     numbers = engine.numbers
-    coordinate = ("time", times, {"units": "d/u*", "long_name": "time"})
+    coordinate = ("time", times, told_of(engine.scene, "d/u*", "time"))
     return xr.Dataset(data, coords={"time": coordinate}, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Callable
@@ -244,9 +243,11 @@ def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
     """What was chosen for a scene that says "auto" when the run in this folder began; None if there is none."""
     if output is None:
         return None
+    from saltation.cloud_result import words_in
+
     try:
-        found = scene_of(json.loads((Path(output) / "run.json").read_text(encoding="utf-8"))["scene"])
-    except (OSError, ValueError, KeyError):
+        found = scene_of(words_in(Path(output))["scene"])
+    except (OSError, ValueError):
         return None
     return found if found.chosen is not None and found.chosen.of == key_of(scene) else None
 

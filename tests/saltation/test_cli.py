@@ -398,6 +398,9 @@ def test_a_campaign_of_own_files(tmp_path, scene):
     arguments = ["campaign", str(scene), "--set", "run.jumps=40", "--vary", "bed.restitution=0.65,0.8", "--vary", "channel.transport_stage=1.87,2.67"]
     out = CliRunner().invoke(cli.main, [*arguments, "--output", str(tmp_path / "own")])
     assert out.exit_code == 0, (out.output, out.exception)
+    assert sorted(path.name for path in (tmp_path / "own").iterdir()) == ["store", "table.csv"]  # a ranking is for those who ask
+    out = CliRunner().invoke(cli.main, [*arguments, "--rank", "--output", str(tmp_path / "own")])
+    assert out.exit_code == 0, (out.output, out.exception)
     table = pd.read_csv(tmp_path / "own" / "table.csv")
     assert table["scene"].eq("own").all()
     assert list(zip(table["bed.restitution"], table["stage"], strict=True)) == [(0.65, 1.87), (0.65, 2.67), (0.8, 1.87), (0.8, 2.67)]

@@ -343,7 +343,7 @@ class TestFiles:
     def test_units_are_in_the_file(self, sand, tmp_path):
         sand.save(tmp_path / "out.nc")
         with xr.open_dataset(tmp_path / "out.nc", engine="scipy") as opened:
-            assert opened["jump_height"].attrs["units"] == "d" and opened["time"].attrs["units"] == "d/u*"
+            assert opened["jump_height"].attrs["scale"] == "d" and opened["time"].attrs["scale"] == "d/u*"
             assert opened.attrs["diameter"] == 0.69e-3 and opened.attrs["status"] == "finished"
             assert opened.sizes["jump"] == 40
 
