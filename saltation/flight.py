@@ -456,7 +456,7 @@ def solve_stages(
 def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
-    first = len(state.y) // 2 if len(problem.where) == 0 else problem.where[0]
+    first = 2 if model.across is None else 3  # the slips, one per dimension; spins follow
     while True:
         code: int = choose(problem, tables, state)
         if code != ACCEPTED:

@@ -1,7 +1,7 @@
 """Added mass: α = 1/(1 + R + C_m); in the thesis also a remainder C_m w du_f/dz along the stream.
 
-The remainder is the print's: Auton's form and Maxey & Riley's (5-1) have none in a steady parallel stream u_f(z). It
-changes jump heights by 4 % at most.
+The remainder is the print's: Auton's form and Maxey & Riley's (5-1) have none in a steady parallel stream u_f(z). Without
+it the shipped scenes jump higher: sand by 9 %, coarse sand by 10 %, gravel by 12 %.
 """
 
 from __future__ import annotations

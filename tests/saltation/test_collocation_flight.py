@@ -307,3 +307,22 @@ class TestImpacts:
     def test_the_table_of_the_stream_is_the_scenes(self):
         made = scene("sand")
         assert Engine(made).profile is tabulated(made.profile)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("effects", [["magnus", "rotation"], ["magnus"], ["rotation"], []], ids=str)
+def test_stiff_drag_takes_no_more_steps_with_spins_among_the_states(dimensions, effects):
+    """Where the slips lie among the states does not depend on what else is a state, nor on whether there is a history."""
+    made = scene(
+        "sand",
+        dimensions=dimensions,
+        effects=["weight", "drag", "added_mass", "lift", *effects],
+        channel={"shear_velocity": 0.05, "transport_stage": None},
+        grain={"diameter": 1e-5},
+        fluid={"viscosity": 2e-4},
+        run={"jumps": 1, "discard": 0, "longest_flight": 30.0},
+        history=None,
+        magnus=None if "magnus" not in effects else {},
+    )
+    path = run_plain(made).trajectory
+    assert path.sizes["time"] < 1500  # some hundred steps at most, of a few nodes each; 150 000 steps with a wrong diagonal
