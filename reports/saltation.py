@@ -493,6 +493,8 @@ def force_claims(data: Record) -> list[list[str]]:
     along, up = forces(data)
     top = len(up) // 2
     history, drag = along["history"], up["drag"]
+    phase = pd.DataFrame(data["forces"]["phase"])
+    place = {"drag": phase["phase"][along["drag"].to_numpy().argmax()], "top": phase["phase"][phase["z"].argmax()]}
     law, computed = magnus_share(data, "prescribed"), magnus_share(data, "yamamoto")
     low, high = min(law), max(law)
     last = [r["share"][-1] for r in data["magnus"] if r["law"] == "yamamoto"]
@@ -504,7 +506,8 @@ def force_claims(data: Record) -> list[list[str]]:
     return [
         [
             "Along the stream drag leads, over 90 % at the top; history has over 50 % at both ends",
-            f"Drag {along['drag'].max():.0f} % at most; history {signed(history.iloc[0])} % first and {signed(history.iloc[-1])} % last: agrees",
+            f"Drag {along['drag'].max():.0f} % at most, at phase {place['drag']:.2f} where the top is at {place['top']:.2f}; "
+            f"history {signed(history.iloc[0])} % first and {signed(history.iloc[-1])} % last: agrees in size, drag leads before the top",
         ],
         [
             "Up, weight leads; drag 20, 0, 20 %; Magnus about 20 % on the way up",
