@@ -182,7 +182,7 @@ def test_a_failed_first_step_kept_its_path(monkeypatch, tmp_path):
             if kept:
                 assert one.trajectory.sizes["time"] == 1
             else:
-                with pytest.raises(ValueError, match="set run.trajectory = true"):
+                with pytest.raises(ValueError, match=r"set run\.trajectory = true"):
                     _ = one.trajectory
 
 
