@@ -208,13 +208,11 @@ def test_a_lost_or_damaged_account_is_written_again_from_the_checkpoint(folders,
 
 # One writer
 
-HOLD = """
-import sys, time, pathlib
+HOLD = """import sys, time, pathlib
 from saltation._files import only_writer
-
 with only_writer(pathlib.Path(sys.argv[1])):
-    print("held", flush=True)
-    time.sleep(60)
+    print('held', flush=True)
+    time.sleep(300)
 """
 
 
@@ -265,7 +263,8 @@ def test_where_the_system_has_no_locks_the_process_counts(tmp_path, monkeypatch)
 
 
 def test_one_after_the_other_in_one_process(tmp_path):
-    with _files.only_writer(tmp_path), pytest.raises(saltation.SceneError, match=f"process {os.getpid()} "), _files.only_writer(tmp_path):
+    told = f"process {os.getpid()} "
+    with _files.only_writer(tmp_path), pytest.raises(saltation.SceneError, match=told), _files.only_writer(tmp_path):
         raise AssertionError
     with _files.only_writer(tmp_path):
         assert [path.name for path in tmp_path.iterdir()] == ["lock"]
