@@ -16,7 +16,7 @@ from basset.streaming import LONG_WINDOW
 
 
 def _make_decay(digest: str) -> Callable[..., Any]:
-    def decay(t, y):
+    def decay(t: float, y: Any) -> Any:
         digest  # noqa: B018 - part of the cache key
         return -y
 

@@ -93,7 +93,8 @@ def public(module: ModuleType) -> Iterator[Name]:
     listed = getattr(module, "__all__", None)
     names = listed if listed is not None else [name for name in vars(module) if not name.startswith("_")]
     for name in names:
-        thing = inspect.unwrap(vars(module)[name]) if callable(vars(module)[name]) else vars(module)[name]
+        found = getattr(module, name)
+        thing = inspect.unwrap(found) if callable(found) else found
         if not (inspect.isclass(thing) or inspect.isfunction(thing)) or (listed is None and thing.__module__ != module.__name__):
             continue
         home = importlib.import_module(thing.__module__)
