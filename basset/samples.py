@@ -14,6 +14,8 @@ import numpy as np
 from basset import _validate
 from basset.kernels import Floats
 
+__all__ = ["SUFFIXES", "read"]
+
 SUFFIXES = (".csv", ".npy", ".nc")
 UNIFORM = 1e-4  # of a step by which times may be off, as they are rounded in files
 COARSE = 1e-2  # of a step: times whose kind of number rounds them more are not known to be uniform

@@ -159,7 +159,7 @@ def computed(scene: Any) -> dict[str, str]:
         if "encounters" in scene.names:
             pairs = scene.options("encounters")
             found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, {scene.cloud.boundary} along and across"
-    solver, unit = scene.solver, unit_of_time(scene)
+    solver, unit = scene.solver, _unit_of_time(scene)
     found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} {unit}"
     time = f"{scene.run.duration:g} s ({scene.run.duration / scene.numbers.time:.4g} {unit})" if scene.run.duration is not None else ""
     length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else time
@@ -179,12 +179,12 @@ def _memory(scene: Any, engine: Engine) -> str:
     if scene.solver.method != "collocation":
         return f"{engine.members} components of the slip, {scene.history_rule()!r}{after}"
     grows = engine.problem.end < engine.end or (options.horizon is None and scene.run.duration is None)
-    reach = f"{engine.horizon:g} {unit_of_time(scene)} long{', more where the run outlasts it' if grows else ''}"
+    reach = f"{engine.horizon:g} {_unit_of_time(scene)} long{', more where the run outlasts it' if grows else ''}"
     last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
     return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {reach}{last}{after}"
 
 
-def unit_of_time(scene: Any) -> str:
+def _unit_of_time(scene: Any) -> str:
     """In still water there is no u*."""
     return "d/u*" if scene.channel is not None else "d/V"
 
@@ -247,8 +247,8 @@ def _memory_ends(scene: Any) -> str:
     time = None if scene.run.duration is None else scene.run.duration / scene.numbers.time
     if time is not None and time <= given:
         return ""
-    lasts = "outlasts it" if time is None else f"lasts {time:.4g} {unit_of_time(scene)} and outlasts it"
-    return f"history.horizon = {given:g} {unit_of_time(scene)} is given: a run that {lasts} ends there; left out, the memory follows the flights"
+    lasts = "outlasts it" if time is None else f"lasts {time:.4g} {_unit_of_time(scene)} and outlasts it"
+    return f"history.horizon = {given:g} {_unit_of_time(scene)} is given: a run that {lasts} ends there; left out, the memory follows the flights"
 
 
 def _comes_to_rest(scene: Any) -> str:

@@ -553,12 +553,15 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
     """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut; the start alone where none was flown."""
     tables = engine.tables
     count = tables.count
-    if record is None or not (record.share > 0.0).any():
+    if record is not None:
+        which = np.cumsum(np.append(0, record.share[:-1] < 1.0))  # flight of each step
+        length = np.bincount(which, record.share * record.size)
+        flown = (record.share > 0.0) & (length[which] > REST)  # a rebound may leave no flight at all, but for rounding
+    if record is None or not flown.any():
         start = engine.first()
         state = engine.state_of(start)[None]
         return path_at(engine, np.zeros(1), state, np.full_like(state, np.nan), np.array([start.spin]))
-    flown = record.share > 0.0  # a rebound may leave no flight at all
-    which = np.cumsum(np.append(0, record.share[:-1] < 1.0))[flown]  # flight of each step
+    which = which[flown]
     record = flight.Record(*(array[flown] for array in record))
     singular = record.kind == 1.0
     takeoff = np.zeros(len(record.start), dtype=bool)
