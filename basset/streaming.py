@@ -140,7 +140,9 @@ class Plan:
 
         Parameters
         ----------
-        rule, dt, horizon, kernel
+        rule : Rule
+        dt, horizon : float, seconds
+        kernel : Kernel
             As of the plan.
 
         Returns

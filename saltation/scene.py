@@ -538,6 +538,12 @@ class Basis(Table):
         ------
         ValueError
             If scheme, step and memory do not fit.
+
+        Examples
+        --------
+        >>> content = read("settling") | {"solver": {"method": "fixed_step", "dt": 0.01}, "history": {"scheme": "daitche"}}
+        >>> scene_of(content).steps_of(20.0)
+        2000
         """
         from basset import BassetKernel
         from basset.streaming import Plan
