@@ -38,7 +38,7 @@ HIGHEST = 8  # degree of a product rule that is considered
 BLOCK = 64  # steps of a window before a tail
 SIZES = 2.0 ** (-np.arange(-4, 49) / 4.0)  # steps that are considered, in time scales
 TRUTH = Daitche(10)  # at less than 1/32 of a time scale
-ROUNDING = 1e-15  # of the largest |H|, that no scheme gets below
+ROUNDING = 1e-14  # of the largest |H|, that no scheme gets below: sums over a path by FFT
 SPLINE = 7  # degree between given samples
 RESOLVED = 2.0  # samples per time scale, at least
 

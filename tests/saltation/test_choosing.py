@@ -14,6 +14,7 @@ from scene_cases import interpreted, merged
 import saltation
 from saltation import advice, advice_plots, cli, simulation
 from saltation._keys import key_of, text_of
+from saltation.cloud_result import WORDS, words_of
 from saltation.effects import EFFECTS
 from saltation.scene import SceneError, scene_of, shipped
 from saltation.workers import Here
@@ -279,7 +280,7 @@ class TestAuto:
         auto = scene_of(merged(saltation.load("sand_cloud").model_dump(exclude_none=True), {"effects": "auto"}))
         assert simulation.begun(auto, tmp_path) is None
         made = advice.changed(auto, effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
-        (tmp_path / "run.json").write_text(json.dumps({"scene": json.loads(text_of(made))}))
+        (tmp_path / "run.json").write_text(words_of(dict.fromkeys(WORDS) | {"scene": json.loads(text_of(made))}))
         assert simulation.begun(auto, tmp_path) == made
         assert simulation.begun(advice.changed(auto, run={"seed": 2}), tmp_path) is None
 

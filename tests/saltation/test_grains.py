@@ -43,7 +43,7 @@ def paths(times, x, y):
     """Paths from positions (time, grain)."""
     values = np.zeros((*x.shape, 6))
     values[:, :, 0], values[:, :, 1] = x, y
-    return path_dataset(times, values, {"diameter": 1.0, "velocity": 1.0})
+    return path_dataset(cloud(True), times, values)
 
 
 def series(rng, grains, jumps, rho):
