@@ -286,7 +286,8 @@ def _make_next_step(digest: str) -> Callable[..., Any]:
         """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
         digest  # noqa: B018 - part of the cache key
         size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
-        return min(size, 2.0 * max(h, numbers[TIME] - numbers[JUMPED])) if len(problem.where) > 0 else size
+        since = numbers[TIME] - numbers[JUMPED]
+        return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
 
     return next_step
 
