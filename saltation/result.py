@@ -556,7 +556,7 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
     if record is not None:
         which = np.cumsum(np.append(0, record.share[:-1] < 1.0))  # flight of each step
         length = np.bincount(which, record.share * record.size)
-        flown = (record.share > 0.0) & (length[which] > REST)  # a rebound may leave no flight at all, but for rounding
+        flown = (record.share > 0.0) & ((length > REST)[which] | (which == which[-1]))  # a rebound may leave no flight at all, but for rounding
     if record is None or not flown.any():
         start = engine.first()
         state = engine.state_of(start)[None]

@@ -69,7 +69,7 @@ def cloud(met=True, kept=True, made=None):
             found[f"{who}_spin_y_after"] = 0.25
         row[:] = [found.get(name, 0.0) for name in encounters.COLUMNS]
     met_table = pd.DataFrame(dict(zip(encounters.COLUMNS, table.T, strict=True))).astype({"first": np.int32, "second": np.int32})
-    path = path_dataset(times, values, {"diameter": 1.0, "velocity": 1.0}) if kept else None
+    path = path_dataset(made, times, values) if kept else None
     fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
     return CloudResult(made, pd.DataFrame(rows), met_table, fates, "finished", "the time is over", {"seed": 1}, END, path)
 
@@ -326,8 +326,8 @@ def test_command_draws_all_that_a_cloud_has(saved, tmp_path):
 def test_command_takes_the_folder_of_a_long_run(result, tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
-    tables_to_dataset(result.all_jumps, result.encounters).merge(result.trajectory).to_netcdf(folder / "part-00000.nc", engine="scipy")
-    told = {"status": "finished", "message": "", "parts": 1, "time": END, "fates": [], "provenance": result.provenance}
+    tables_to_dataset(result.scene, result.all_jumps, result.encounters).merge(result.trajectory).to_netcdf(folder / "part-00000.nc", engine="scipy")
+    told = {"key": "", "status": "finished", "message": "", "parts": 1, "time": END, "fates": [], "provenance": result.provenance}
     (folder / "run.json").write_text(json.dumps(told | {"scene": json.loads(result.scene.model_dump_json(exclude_none=True))}), encoding="utf-8")
     out = plot(folder, "--figure", "plan")
     assert out.exit_code == 0, (out.output, out.exception)
