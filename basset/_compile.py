@@ -80,7 +80,7 @@ def _announce(numba: Any) -> None:
 
     class Announcer(numba.core.event.Listener):  # type: ignore[misc]  # the base is numba's
         under_way: list[float] = []  # noqa: RUF012 - what is compiled on the way is not told
-        told: set[str] = set()  # noqa: RUF012
+        told: set[str] = set()  # noqa: RUF012 - of the process, which has one listener
 
         def on_start(self, event: Any) -> None:
             kept = _kept(event)

@@ -33,7 +33,7 @@ def decades(low, high):
 @st.composite
 def contents(draw):
     """What a TOML file of a single grain may hold."""
-    one_of = lambda *words: draw(st.sampled_from(words))  # noqa: E731
+    one_of = lambda *words: draw(st.sampled_from(words))  # noqa: E731 - one word for a draw that is made some thirty times below
     effects = ["weight", *draw(st.lists(st.sampled_from([name for name in SINGLE if name != "weight"]), unique=True))]
     fluid = dict(one_of(*FLUIDS))
     grain = {"diameter": draw(decades(1e-6, 0.1)), "density": draw(decades(30.0, 2e4))}
