@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 try:
     import fcntl
 except ImportError:  # not on every system
-    fcntl = None  # type: ignore[assignment]
+    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
 
 __all__ = ["DamageError", "content_of", "only_writer", "open_dataset", "replacing", "store", "write"]
 
