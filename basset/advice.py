@@ -532,7 +532,7 @@ def calibrated() -> Machine:
 
     Examples
     --------
-    >>> calibrated() is calibrated() and calibrated().call > 0.0
+    >>> calibrated() is calibrated() and calibrated().column > 0.0
     True
     """
     place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basset" / "machine.json"

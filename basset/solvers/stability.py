@@ -97,7 +97,7 @@ def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool =
     >>> longest_step(basset.Daitche(1), 1e6, 10.0)
     inf
     >>> round(longest_step(basset.Daitche(3), 1.0, 0.0), 12), round(longest_step(basset.Daitche(10), 1.0, 0.6), 5)
-    (3.0, 0.00279)
+    (3.0, 0.00313)
     """
     rule = resolve(rule)
     rate, coefficient = _validate.non_negative("rate", rate, "1/s"), _validate.non_negative("coefficient", coefficient, "s^(-1/2)")
