@@ -19,7 +19,8 @@ import time
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from types import FunctionType
+from typing import Any, NamedTuple, TypeVar, cast
 
 from basset._files import replacing
 
@@ -241,11 +242,15 @@ def compiled(factory: Callable[[str], Function], *, reassociate: bool = False, a
 
 
 def _compiled(factory: Callable[[str], Any], reassociate: bool, allocates: bool, usually: str) -> Any:
+    plain: Any = factory(digest_of(factory.__module__.split(".")[0]))
+    return _made(plain, reassociate, allocates, usually)
+
+
+def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:
     options: dict[str, Any] = {"nogil": True, "fastmath": {"reassoc", "contract", "nsz"} if reassociate else False, "error_model": "numpy"}
     if not allocates:
         options["_nrt"] = False
-    digest = digest_of(factory.__module__.split(".")[0])
-    plain: Any = factory(digest)
+    digest = digest_of(plain.__module__.split(".")[0])
     # the name is part of the files': those of other sources may hold types that are no more, and cannot be read
     plain.__qualname__ += "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
     function = compiler().njit(**options)(plain)
@@ -303,6 +308,143 @@ def _load_compiled(numba: Any) -> None:
             return _load(address, index)
 
         return compiled_load
+
+
+class Entry(NamedTuple):
+    """A compiled function as a C function of (t, y, out, own, data), by its address, and the address of its data.
+
+    One type for all: what calls it is compiled once. Whoever makes it keeps the data alive.
+    """
+
+    address: int
+    data: int
+
+
+def call(entry: Any, t: float, y: Any, i: int, out: Any, k: int, own: Any) -> None:
+    """entry(t, y[i], out[k], own): a plain function, or the compiled one behind an `Entry`."""
+    entry(t, y[i], out[k], own)
+
+
+@when_loaded
+def _call_compiled(numba: Any) -> None:
+    from llvmlite import ir
+
+    word, number = ir.IntType(64), ir.DoubleType()
+    place = number.as_pointer()
+
+    def row(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+        """Pointer to a row of an array in C order."""
+        found = context.make_array(kind)(context, builder, array)
+        stride = builder.extract_value(found.strides, 0)
+        return builder.inttoptr(builder.add(builder.ptrtoint(found.data, word), builder.mul(index, stride)), place)
+
+    @numba.extending.intrinsic
+    def _call(typingctx, address, data, t, y, i, out, k, own):
+        def generate(context, builder, signature, arguments):
+            kinds = signature.args
+            address, data, t, y, i, out, k, own = arguments
+            form = ir.FunctionType(ir.VoidType(), [number, place, place, place, word])
+            function = builder.inttoptr(address, form.as_pointer())
+            rows = row(context, builder, kinds[3], y, i), row(context, builder, kinds[5], out, k), row(context, builder, kinds[7], own, word(0))
+            builder.call(function, [t, *rows, data])
+            return context.get_dummy_value()
+
+        whole, real = numba.types.int64, numba.types.float64
+        return numba.types.void(whole, whole, real, y, whole, out, whole, own), generate
+
+    @numba.extending.overload(call)
+    def form(entry, t, y, i, out, k, own):
+        def compiled_call(entry, t, y, i, out, k, own):
+            _call(entry.address, entry.data, t, y, i, out, k, own)
+
+        return compiled_call
+
+
+def _enter(parts, block):  # its global `stub` is another one for every function, see `entry`
+    return stub(parts, block)  # type: ignore[name-defined]  # noqa: F821
+
+
+def entry(function: Callable[..., None]) -> Callable[..., Any]:
+    """Parts -> `function`(parts, t, y, out, own) as something to `call`: plain, or an `Entry`; and what must be kept alive.
+
+    `parts` are NamedTuples of numbers. A new type of them compiles `function` and nothing that calls it.
+    """
+
+    def stub(parts: Any, block: Any) -> int:
+        raise NotImplementedError
+
+    def tell(numba: Any) -> None:
+        numba.extending.overload(stub)(_entry_form(numba, function))
+
+    when_loaded(tell)
+    name = f"{function.__module__}.{function.__name__}"
+    plain = FunctionType(_enter.__code__, {"__name__": function.__module__, "stub": stub}, function.__name__)
+    plain.__module__, plain.__qualname__ = function.__module__, f"entry_of_{name}"
+    made: list[Any] = []
+
+    def plain_form(parts: Any) -> tuple[Any, Any]:
+        return partial(function, parts), None
+
+    def bind(parts: Any) -> tuple[Any, Any]:
+        import numpy as np
+
+        if not made:
+            with LOCK:
+                made.append(_made(plain, False, True, "a second"))
+        if not is_compiled(made[0]):
+            return plain_form(parts)
+        block = np.zeros(_words(parts), dtype=np.int64)
+        return Entry(made[0](parts, block), block.ctypes.data), block
+
+    bind.plain = plain_form  # type: ignore[attr-defined]
+    return bind
+
+
+def _words(parts: Any) -> int:
+    """Room for nested tuples of numbers, in words."""
+    return sum(_words(part) for part in parts) if isinstance(parts, tuple) else 1
+
+
+def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]:
+    from llvmlite import ir
+    from numba.core import compiler
+
+    real, void = numba.types.CPointer(numba.types.float64), numba.types.void
+    found = numba.extending.register_jitable(function)
+
+    def inner(parts, t, y, out, own):
+        found(parts, t, y, out, own)  # pointers know neither length nor end, but take an index
+
+    @numba.extending.intrinsic
+    def address(typingctx, parts, block):
+        def generate(context, builder, signature, arguments):
+            kind = signature.args[0]
+            form = void(kind, numba.types.float64, real, real, real)
+            flags = compiler.Flags()
+            flags.error_model = "numpy"
+            made = context.compile_subroutine(builder, inner, form, flags=flags)
+            callee = context.declare_function(builder.module, made.fndesc)
+            number, word = ir.DoubleType(), ir.IntType(64)
+            pointer = number.as_pointer()
+            outer = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [number, pointer, pointer, pointer, word]), f"{callee.name}.entry")
+            inside = ir.IRBuilder(outer.append_basic_block())
+            t, y, out, own, data = outer.args
+            value = inside.load(inside.inttoptr(data, context.get_value_type(kind).as_pointer()))
+            context.call_conv.call_function(inside, callee, numba.types.none, form.args, [value, t, y, out, own])
+            inside.ret_void()
+            block = context.make_array(signature.args[1])(context, builder, arguments[1])
+            builder.store(arguments[0], builder.bitcast(block.data, context.get_value_type(kind).as_pointer()))
+            return builder.ptrtoint(outer, word)
+
+        return numba.types.int64(parts, block), generate
+
+    def form(parts, block):
+        def compiled_form(parts, block):
+            return address(parts, block)
+
+        return compiled_form
+
+    return form
 
 
 def method(name: str, arguments: int) -> Callable[..., Any]:

@@ -135,12 +135,12 @@ def computed(scene: Any) -> dict[str, str]:
     engine = Engine(scene)
     axes = "xz" if scene.in_plane else "xyz"
     names = [*axes, *({"x": "u", "y": "v", "z": "w"}[axis] for axis in axes)]
-    if engine.turning is not None:
+    if engine.rotation is not None:
         names += ["spin_y"] if scene.in_plane else ["spin_x", "spin_y", "spin_z"]
     found = {"state": f"{engine.states} numbers: {', '.join(names)}"}
     if engine.prescribed is not None:
         found["spin"] = f"prescribed, {engine.prescribed:.4g} u*/d"
-    elif engine.turning is None and scene.turns:
+    elif engine.rotation is None and scene.turns:
         found["spin"] = "changes at contacts only"
     found["forces"] = ", ".join(engine.force_names) or "none"
     if engine.members:

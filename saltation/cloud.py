@@ -103,7 +103,7 @@ class Cloud:
         self.heads = np.full(cells, -1, dtype=np.int32)
         self.parts = encounters.Parts(
             engine.model,
-            engine.bed._replace(grain=self.grains.start) if engine.bed is not None else None,
+            engine.bed_of(self.grains.start),
             engine.memory(),
             engine.limits,
             engine.problem._replace(end=math.inf),
@@ -111,7 +111,6 @@ class Cloud:
             engine.tables.rise,
             engine.cut,
             engine.tables.tables,
-            engine.prescribed,
             engine.problem._replace(end=math.inf, rtol=COARSE * engine.problem.rtol, atol=COARSE * engine.problem.atol),
         )
         self.jacobian, self.work, self.other = np.zeros((1, 1)), room(stages, engine.states, members), np.zeros((stages + 1, engine.states))

@@ -122,7 +122,6 @@ class Parts(NamedTuple):
     rise: Floats
     cut: Any
     tables: Any
-    prescribed: Any
     coarse: Any  # the problem for a step that cannot be small enough: two contacts follow each other too closely
 
 
@@ -219,7 +218,7 @@ def nearest(difference: float, period: float) -> float:
 @shared
 def velocity_of(model: flight.Model, states: Floats, velocity: Floats) -> None:
     """Velocity that belongs to some states, three components, into `velocity`."""
-    if model.across is None:
+    if model.dimensions == 2:
         velocity[0], velocity[1], velocity[2] = states[2] + both(model.profile, states[1])[0], 0.0, states[3]
     else:
         velocity[0], velocity[1], velocity[2] = states[3] + both(model.profile, states[2])[0], states[4], states[5]
@@ -230,16 +229,16 @@ def describe(
     model: flight.Model, nodes: _march.Nodes, h: float, singular: int, share: float, y: Floats, polynomial: Floats, work: flight.Work, path: Floats
 ) -> float:
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     here, before, now = work.here[0], work.out[0], work.out[1]
     velocity_of(model, y, before)
     length = h * share
     x, z = y[0], y[d - 1]
-    across = 0.0 if model.across is None else y[1]
+    across = 0.0 if model.dimensions == 2 else y[1]
     u, v, w = before[0], before[1], before[2]
     if share > 1e-6:
         flight.all_at(polynomial, y, singular, share, here)
-        u, v, w = (here[0] - x) / length, (0.0 if model.across is None else here[1] - across) / length, (here[d - 1] - z) / length
+        u, v, w = (here[0] - x) / length, (0.0 if model.dimensions == 2 else here[1] - across) / length, (here[d - 1] - z) / length
     pace = (before[0] - u) ** 2 + (before[1] - v) ** 2 + (before[2] - w) ** 2
     spread, bend, last = 0.0, 0.0, 0.0
     for k in range(len(nodes.c)):
@@ -254,7 +253,7 @@ def describe(
         flight.all_at(polynomial, y, singular, 0.25 * quarter * share, here)
         time = 0.25 * quarter * length
         off_x, off_z = here[0] - x - u * time, here[d - 1] - z - w * time
-        off_y = 0.0 if model.across is None else here[1] - across - v * time
+        off_y = 0.0 if model.dimensions == 2 else here[1] - across - v * time
         spread = max(spread, off_x * off_x + off_y * off_y + off_z * off_z)
     spread = MARGIN * math.sqrt(spread) + 1e-9
     path[X], path[Y], path[Z] = x + 0.5 * u * length, across + 0.5 * v * length, z + 0.5 * w * length
@@ -307,14 +306,14 @@ def states_at(crowd: Crowd, grain: int, polynomial: Floats, time: float, row: Fl
 @shared
 def apart(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Floats, two: Floats, time: float, rows: Floats) -> tuple[float, float]:
     """Gap between two surfaces and its rate of change; `rows` is overwritten."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     first, second = rows[0], rows[1]
     states_at(crowd, i, one, time, first)
     states_at(crowd, j, two, time, second)
     x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
     u = second[d] + both(model.profile, second[d - 1])[0] - first[d] - both(model.profile, first[d - 1])[0]
     square, product = x * x + z * z, x * u + z * (second[2 * d - 1] - first[2 * d - 1])
-    if model.across is not None:
+    if model.dimensions == 3:
         y = nearest(second[1] - first[1], world.width)
         square, product = square + y * y, product + y * (second[4] - first[4])
     distance = math.sqrt(square)
@@ -445,18 +444,16 @@ def room_of(crowd: Crowd, i: int, work: flight.Work) -> flight.Work:
     """The shared work space with what a grain keeps from step to step."""
     return flight.Work(
         work.rates, work.states, work.inverse, work.matrix, work.force, work.extra, work.residual, crowd.diagonal[i],
-        work.rate, crowd.before[i : i + 1], work.polynomial, work.here, work.out, work.halfway,
+        work.rate, crowd.before[i : i + 1], work.polynomial, work.here, work.out, work.halfway, work.contact,
     )  # fmt: skip
 
 
 @shared
 def contact_in(
-    bed: flight.Bed | None, model: flight.Model, nodes: _march.Nodes, state: _march.State, singular: int, account: Floats, i: int, work: flight.Work
+    bed: flight.Bed, model: flight.Model, nodes: _march.Nodes, state: _march.State, singular: int, account: Floats, i: int, work: flight.Work
 ) -> float:
     """θ of the first contact with the bed in the step that is in `work`, 2 if there is none."""
-    if bed is None:
-        return 2.0
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     near = state.y[d - 1] < bed.highest
     for k in range(len(nodes.c)):
         near = near or work.states[k, d - 1] < bed.highest
@@ -514,7 +511,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
 @shared
 def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
     """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
         states_at(crowd, i, polynomial, crowd.sample[i] * samples.interval, row)
         kept = samples.values[crowd.sample[i] - samples.first[0], i]
@@ -536,13 +533,11 @@ def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, the
 
 
 @shared
-def come_down(bed: flight.Bed | None, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: _march.State, work: flight.Work) -> int:
+def come_down(bed: flight.Bed, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: _march.State, work: flight.Work) -> int:
     """Strike the bed: ACCEPTED or REST."""
-    if bed is None:
-        return ACCEPTED
     own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
     account = crowd.flight[i]
-    return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps, parts.prescribed)
+    return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps)
 
 
 @shared
@@ -569,16 +564,16 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jac
 def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats, jacobian: Floats) -> None:
     """Two grains in contact: velocities, spins and memories jump, and the encounter is written down."""
     model = parts.model
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     one, two = view(crowd, i, jacobian), view(crowd, j, jacobian)
     first, second = one.y, two.y
     x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
-    y = 0.0 if model.across is None else nearest(second[1] - first[1], world.width)
+    y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], world.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
-    u = (first[d] + stream_one, 0.0 if model.across is None else first[d + 1], first[2 * d - 1])
-    v = (second[d] + stream_two, 0.0 if model.across is None else second[d + 1], second[2 * d - 1])
+    u = (first[d] + stream_one, 0.0 if model.dimensions == 2 else first[d + 1], first[2 * d - 1])
+    v = (second[d] + stream_two, 0.0 if model.dimensions == 2 else second[d + 1], second[2 * d - 1])
     spin_one, spin_two = flight.spin_of(model, one, crowd.spin[i]), flight.spin_of(model, two, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
@@ -586,7 +581,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         restitution = world.slowest / closing
     after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, world.friction)
     row[0], row[1], row[2] = time, i, j
-    row[3], row[4], row[5] = first[0], (0.0 if model.across is None else first[1]), first[d - 1]
+    row[3], row[4], row[5] = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
     row[6], row[7], row[8], row[9], row[10] = nx, ny, nz, distance, restitution
     for k in range(3):
         row[11 + k], row[14 + k], row[17 + k], row[20 + k] = u[k], v[k], spin_one[k], spin_two[k]
@@ -594,7 +589,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         row[35 + k] = after[4][k]
     flight.rebounded(model, parts.memory, parts.problem, one, stream_one, after[0][0], after[0][1], after[0][2])
     flight.rebounded(model, parts.memory, parts.problem, two, stream_two, after[1][0], after[1][1], after[1][2])
-    if parts.prescribed is None:
+    if not parts.limits.prescribed:
         flight.turn(model, one, crowd.spin[i], after[2][0], after[2][1], after[2][2])
         flight.turn(model, two, crowd.spin[j], after[3][0], after[3][1], after[3][2])
 

@@ -112,6 +112,9 @@ def relaxation(scene: Any) -> float:
     return min(drag, 1.0 / (math.pi * n.history**2)) if "history" in names else drag
 
 
+BASSET = flight.Finite(0.0, 0.0, 0.0, np.zeros(0), 0.0, 0.0, np.zeros((0, 0, 8)), np.zeros((3, 0, 0, 0)), 0.0, 0.0)  # nothing to add to Basset's kernel
+
+
 class Engine:
     """One scene made ready to fly: everything that does not change, for any number of grains.
 
@@ -121,18 +124,20 @@ class Engine:
     def __init__(self, scene: Any, horizon: float | None = None) -> None:
         numbers, names = scene.numbers, scene.names
         self.scene, self.numbers = scene, numbers
-        self.profile = Still(0.0) if isinstance(scene.profile, Still) else tabulated(scene.profile)
+        self.profile = scene.profile if isinstance(scene.profile, Still) else tabulated(scene.profile)
         setting = Setting(numbers, self.profile)
         built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
         self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
         forces = tuple(built[name] for name in self.force_names)
         self.rotation = built.get("rotation")
-        self.across = None if scene.in_plane else 1.0
-        self.turning = None if self.rotation is None else 1.0
-        torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.model = flight.Model(numbers.alpha, self.profile, forces, torque, self.across, self.turning)
         self.dimensions = 2 if scene.in_plane else 3
-        self.states = 2 * self.dimensions + (0 if self.rotation is None else 1 if scene.in_plane else 3)
+        across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
+        torque = NoTorque(0.0) if self.rotation is None else self.rotation
+        self.equation = flight.Equation(numbers.alpha, self.profile, forces, torque, across, turning)
+        rates, self._data = flight.rates_entry(self.equation)
+        spins = 0 if self.rotation is None else 1 if scene.in_plane else 3
+        self.model = flight.Model(rates, tabulated(scene.profile), self.dimensions, spins)
+        self.states = 2 * self.dimensions + spins
         self.members = self.dimensions if "history" in names else 0
         self.prescribed = None
         if "rotation" in names and scene.options("rotation").law == "prescribed":
@@ -161,8 +166,8 @@ class Engine:
         self.problem = _march.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
         points = 16 if rtol >= 1e-6 else 48
         self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
-        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf))
-        self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else None
+        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), self.prescribed is not None)
+        self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else BASSET
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
 
@@ -172,7 +177,7 @@ class Engine:
         c1, c2 = KERNELS[self.scene.options("history").kernel]
         table = slip_table(self.tables.tail, c1, horizon)
         local = local_shortfall(self.tables.count, c1)
-        return flight.Finite(c1, c2, self.numbers.reynolds, table.log_rates, table.low, table.inverse_step, table.values, local, LOCAL_LOW, 1.0 / LOCAL_STEP)
+        return flight.Finite(c1, c2, self.numbers.reynolds, np.array(table.log_rates), table.low, table.inverse_step, np.array(table.values), local, LOCAL_LOW, 1.0 / LOCAL_STEP)
 
     def _restitution(self, bed: Any) -> Restitution:
         stokes = self.numbers.stokes(1.0)
@@ -194,10 +199,19 @@ class Engine:
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
-        return flight.Bed(rebounds[bed.rebound](), roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
+        self.rebound = rebounds[bed.rebound]()
+        rebound, self._kept = flight.rebound_entry(self.rebound)
+        return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
-    def memory(self, before: Any = None, when: Any = None) -> flight.Memory:
-        """What the memory does at contacts; `before` and `when` for a memory of so many jumps."""
+    def bed_of(self, grain: int) -> flight.Bed:
+        """The bed as a grain finds it: its draws are its own."""
+        if self.bed is None:  # out of reach
+            return flight.Bed(self.model.rates, ROUGHNESS["flat"](READINGS.index("clip"), 0.0, 0.0, 0.5), -math.inf, 0, grain)
+        return self.bed._replace(grain=grain)
+
+    def memory(self, jumps: int = 0) -> flight.Memory:
+        """What the memory does at contacts; with `jumps` it forgets what lies farther back."""
+        before, when = np.zeros((jumps, self.members, len(self.rates))), np.zeros(jumps)
         rebound = ("impulse", "restart", "reset", "none").index(self.scene.options("history").rebound) if self.members else 0
         return flight.Memory(rebound, self.rates, self.horizon, before, when, self.finite)
 
@@ -218,7 +232,7 @@ class Engine:
         d, (x, across, z), (u, v, w) = self.dimensions, start.position, start.velocity
         slip = u - both(self.profile, z)[0]
         states = [x, z, slip, w] if d == 2 else [x, across, z, slip, v, w]
-        if self.turning is not None:
+        if self.rotation is not None:
             states += [start.spin[1]] if d == 2 else list(start.spin)
         return np.array(states, dtype=np.float64)
 
@@ -256,9 +270,8 @@ class Grain:
         self.flight[[flight.U, flight.V, flight.W]] = first.velocity
         options = engine.scene.options("history") if members else None
         kept = None if options is None else options.window_jumps
-        before, when = (None, None) if kept is None else (np.zeros((kept, members, terms)), np.zeros(kept))
-        self.memory = engine.memory(before, when)
-        self.bed = engine.bed._replace(grain=grain) if engine.bed is not None else None
+        self.memory = engine.memory(kept or 0)
+        self.bed = engine.bed_of(grain)
         stages = engine.tables.count
         self.work = room(stages, n, members)
         self.values = np.zeros((stages, n))
@@ -285,7 +298,6 @@ class Grain:
                 record,
                 recording,
                 jumps,
-                engine.prescribed,
             )
             if code != _march.TABLE:
                 return code, done
@@ -310,5 +322,6 @@ def room(stages: int, states: int, members: int) -> flight.Work:
         "polynomial": (stages + 1, states),
         "here": (2, states),
         "out": (2, states),
+        "contact": (2, 9),
     }
     return flight.Work(**{name: np.zeros(shape) for name, shape in shapes.items()}, halfway=stages_of(stages).between ** 2)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from basset._compile import compiled
+from basset._compile import call, compiled
 from basset._stream import peek, run
 from basset.kernels import Floats
 from basset.quadrature import Daitche
@@ -32,7 +32,7 @@ HELD, IMPLICIT = 0, 1  # the history of a step's beginning all through it; or bo
 def _make_cruise(digest: str) -> Callable[..., Any]:
     def cruise(
         model: flight.Model,
-        bed: flight.Bed | None,
+        bed: flight.Bed,
         problem: _march.Problem,
         dt: float,
         method: int,
@@ -48,7 +48,6 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
         memory: flight.Memory,
         jumps: Floats,
         path: Floats,
-        prescribed: float | None,
     ) -> tuple[int, int]:
         """Steps until an impact, a full record or the end: (code, nodes recorded)."""
         digest  # noqa: B018 - part of the cache key
@@ -56,7 +55,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
         samples, terms, future, history = stream
         rates, states, tail, sample, value = room
         y, numbers = state.y, state.numbers
-        n, m, d = len(y), len(problem.where), 2 if model.across is None else 3
+        n, m, d = len(y), len(problem.where), model.dimensions
         done = 0
         while done < len(path):
             if numbers[_march.TIME] >= problem.end * (1.0 - 1e-12):
@@ -80,7 +79,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[0, a] = y[a]
                 for stage in range(4):
-                    flight.rates_of(model, spin, states, stage, states[5:])
+                    call(model.rates, numbers[_march.TIME], states, stage, states, 5 + stage, spin)
                     for a in range(m):
                         states[5 + stage, d + a] -= problem.strength[a] * history[a]
                     share = (0.5, 0.5, 1.0, 0.0)[stage]
@@ -89,7 +88,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                             states[stage + 1, a] = y[a] + share * dt * states[5 + stage, a]
                 for a in range(n):
                     states[4, a] = y[a] + dt / 6.0 * (states[5, a] + 2.0 * states[6, a] + 2.0 * states[7, a] + states[8, a])
-                flight.rates_of(model, spin, states, 4, states[5:])
+                call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 9, spin)
                 for a in range(m):
                     states[9, d + a] = (states[9, d + a] - problem.strength[a] * tail[a]) / (1.0 + problem.strength[a] * local)
             else:
@@ -104,7 +103,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     change = 0.0
                     for a in range(n):
                         states[4, a] = states[0, a] + lead * states[9, a]
-                    flight.rates_of(model, spin, states, 4, states[6:])
+                    call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 10, spin)
                     for a in range(n):
                         new = states[10, a]
                         if d <= a < d + m:
@@ -124,8 +123,8 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
             for a in range(n):
                 states[0, a], states[10, a] = y[a], rates[0, a]
             spin_before = 0.0
-            if model.turning is not None:
-                spin_before = y[4] if model.across is None else y[7]
+            if model.spins > 0:
+                spin_before = y[4] if model.dimensions == 2 else y[7]
             for a in range(n):
                 y[a] = states[4, a]
                 for k in range(min(known, len(rates) - 1), 0, -1):
@@ -156,18 +155,18 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 share = before_w / (before_w - w)
                 flight_[flight.TOP] = max(flight_[flight.TOP], before_z + 0.5 * dt * before_w * share)
             flight_[flight.TOP] = max(flight_[flight.TOP], y[d - 1])
-            if model.turning is not None:
-                flight_[flight.TURNED] += 0.5 * dt * (spin_before + (y[4] if model.across is None else y[7]))
+            if model.spins > 0:
+                flight_[flight.TURNED] += 0.5 * dt * (spin_before + (y[4] if model.dimensions == 2 else y[7]))
             path[done, 0] = numbers[_march.TIME]
             for a in range(n):
                 path[done, 1 + a], path[done, 1 + n + a] = y[a], rates[0, a]
             done += 1
             if ends:
                 return _march.END, done
-            if bed is not None and w <= 0.0 and y[d - 1] < bed.highest:
+            if w <= 0.0 and y[d - 1] < bed.highest:
                 draws = uniforms(bed.seed, bed.grain, int(flight_[flight.IMPACTS]))
                 u = y[d] + both(model.profile, y[d - 1])[0]
-                v = 0.0 if model.across is None else y[d + 1]
+                v = 0.0 if model.dimensions == 2 else y[d + 1]
                 if y[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
                     return IMPACT, done
         return _march.FULL, done
@@ -190,11 +189,10 @@ def _make_strike(digest: str) -> Callable[..., Any]:
         work: flight.Work,
         limits: flight.Limits,
         jumps: Floats,
-        prescribed: float | None,
     ) -> int:
         """`flight.land` on its own."""
         digest  # noqa: B018 - part of the cache key
-        return flight.land(model, bed, memory, problem, state, spin, flight_, work, limits, jumps, prescribed)
+        return flight.land(model, bed, memory, problem, state, spin, flight_, work, limits, jumps)
 
     return strike
 
@@ -227,12 +225,11 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     room = (np.zeros((max(degree, 1), n)), np.zeros((11, n)), np.zeros(m), np.zeros((1, m)), np.zeros((1, m)))
 
     def rate() -> Floats:
-        here = np.vstack([state.y, state.y])
-        out = np.zeros_like(here)
-        flight.rates_of(engine.model, grain.spin, here, 0, out)
+        out = np.zeros(n)
+        flight.rates_of(engine.equation, 0.0, state.y, out, grain.spin)
         if m:
-            out[0, d : d + m] -= engine.problem.strength * stream.history
-        return np.asarray(out[0])
+            out[d : d + m] -= engine.problem.strength * stream.history
+        return out
 
     first = rate()
     if m:
@@ -264,7 +261,6 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
             memory,
             jumps,
             path,
-            engine.prescribed,
         )
         if diverging(path[:done, 1 + n :]):
             code = UNSOLVED
@@ -273,7 +269,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
         if code == IMPACT:
             grain.flight[flight.DONE] = 0.0
             state.jump[:] = 0.0  # the stream has taken it up
-            code = strike(engine.model, grain.bed, memory, engine.problem, state, grain.spin, grain.flight, grain.work, engine.limits, jumps, engine.prescribed)
+            code = strike(engine.model, grain.bed, memory, engine.problem, state, grain.spin, grain.flight, grain.work, engine.limits, jumps)
             rows.append(jumps.copy())
             after = rate()
             if m:

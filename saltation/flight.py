@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from basset._compile import compiled, overloads, shared
+from basset._compile import call, compiled, entry, overloads, shared
 from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers._march import (
@@ -69,8 +69,11 @@ CARE = 20.0  # the defect of a singular step is no overestimate as a regular ste
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
-class Model(NamedTuple):
-    """What moves the grain: α, the stream, forces, torque; `across` and `turning` are None where those states do not exist."""
+class Equation(NamedTuple):
+    """What moves the grain: α, the stream, forces, torque; `across` and `turning` are None where those states do not exist.
+
+    Its type says which effects there are: a new one compiles `rates_of` and nothing that steps.
+    """
 
     alpha: float
     profile: Any
@@ -80,8 +83,17 @@ class Model(NamedTuple):
     turning: Any
 
 
+class Model(NamedTuple):
+    """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3)."""
+
+    rates: Any
+    profile: Any
+    dimensions: int
+    spins: int
+
+
 class Bed(NamedTuple):
-    """Rebound, roughness, the highest contact, and who draws."""
+    """Rebound, to be called; roughness, the highest contact (−∞ where there is no bed), and who draws."""
 
     rebound: Any
     roughness: Any
@@ -92,16 +104,16 @@ class Bed(NamedTuple):
 
 class Memory(NamedTuple):
     """What the memory does at an impact, the fitted sum's rates (terms,), how long it holds; for a memory of so many jumps
-    what came before each of them (jump, memory, terms) and when that was (jump,), both None without such a limit; the
-    finite-Reynolds kernel, None for Basset's.
+    what came before each of them (jump, memory, terms) and when that was (jump,), both empty without such a limit; the
+    finite-Reynolds kernel, without places for Basset's.
     """
 
     rebound: int
     rates: Floats
     horizon: float
-    before: Any
-    when: Any
-    finite: Any
+    before: Floats
+    when: Floats
+    finite: Finite
 
 
 class Finite(NamedTuple):
@@ -140,36 +152,48 @@ class Limits(NamedTuple):
     shortest: float
     patience: float
     seal: float  # jumps wanted in all
+    prescribed: bool  # contacts do not turn the grain
 
 
-@shared
-def rates_of(model: Model, spin: Floats, states: Floats, i: int, out: Floats) -> None:
-    """Rates without history of row i of `states`, into row i of `out`."""
-    if model.across is None:
-        z, sx, sy, sz = states[i, 1], states[i, 2], 0.0, states[i, 3]
+def rates_of(equation: Equation, t: float, y: Any, out: Any, spin: Any) -> None:
+    """Rates without history of the states y, into `out`; `spin` is that of a grain whose spin is no state."""
+    if equation.across is None:
+        z, sx, sy, sz = y[1], y[2], 0.0, y[3]
     else:
-        z, sx, sy, sz = states[i, 2], states[i, 3], states[i, 4], states[i, 5]
-    if model.turning is None:
+        z, sx, sy, sz = y[2], y[3], y[4], y[5]
+    if equation.turning is None:
         ox, oy, oz = spin[0], spin[1], spin[2]
-    elif model.across is None:
-        ox, oy, oz = 0.0, states[i, 4], 0.0
+    elif equation.across is None:
+        ox, oy, oz = 0.0, y[4], 0.0
     else:
-        ox, oy, oz = states[i, 6], states[i, 7], states[i, 8]
-    stream, shear = both(model.profile, z)
+        ox, oy, oz = y[6], y[7], y[8]
+    stream, shear = both(equation.profile, z)
     s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz)
-    fx, fy, fz = total_force(model.forces, s)
-    if model.across is None:
-        out[i, 0], out[i, 1] = sx + stream, sz
-        out[i, 2], out[i, 3] = model.alpha * fx - shear * sz, model.alpha * fz
+    fx, fy, fz = total_force(equation.forces, s)
+    if equation.across is None:
+        out[0], out[1] = sx + stream, sz
+        out[2], out[3] = equation.alpha * fx - shear * sz, equation.alpha * fz
     else:
-        out[i, 0], out[i, 1], out[i, 2] = sx + stream, sy, sz
-        out[i, 3], out[i, 4], out[i, 5] = model.alpha * fx - shear * sz, model.alpha * fy, model.alpha * fz
-    if model.turning is not None:
-        tx, ty, tz = torque(model.torque, s)
-        if model.across is None:
-            out[i, 4] = ty
+        out[0], out[1], out[2] = sx + stream, sy, sz
+        out[3], out[4], out[5] = equation.alpha * fx - shear * sz, equation.alpha * fy, equation.alpha * fz
+    if equation.turning is not None:
+        tx, ty, tz = torque(equation.torque, s)
+        if equation.across is None:
+            out[4] = ty
         else:
-            out[i, 6], out[i, 7], out[i, 8] = tx, ty, tz
+            out[6], out[7], out[8] = tx, ty, tz
+
+
+rates_entry = entry(rates_of)
+
+
+def struck(rebound: Any, t: float, y: Any, out: Any, own: Any) -> None:
+    """What a contact makes of normal, velocity and spin (9,): velocity, spin and impulse (9,), into `out`."""
+    after = strike(rebound, (y[0], y[1], y[2]), (y[3], y[4], y[5]), (y[6], y[7], y[8]))
+    out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8] = after
+
+
+rebound_entry = entry(struck)
 
 
 @shared
@@ -217,6 +241,7 @@ class Work(NamedTuple):
     here: Floats  # (2, state)
     out: Floats  # (2, state)
     halfway: Floats  # (stage,): places halfway between the nodes of a singular step, in θ
+    contact: Floats  # (2, 9): what goes into a rebound, and comes out of it
 
 
 @shared
@@ -296,13 +321,13 @@ def differentiate(model: Model, spin: Floats, state: State, first: int, work: Wo
     here, out, y, diagonal = work.here, work.out, state.y, work.diagonal
     for a in range(len(y)):
         here[0, a] = here[1, a] = y[a]
-    rates_of(model, spin, here, 0, out)
+    call(model.rates, state.numbers[TIME], here, 0, out, 0, spin)
     for a in range(first, len(y)):
         here[1, a] = y[a] + 1.5e-8 * max(abs(y[a]), 1e-3)
-        rates_of(model, spin, here, 1, out)
+        call(model.rates, state.numbers[TIME], here, 1, out, 1, spin)
         diagonal[a] = min(0.0, (out[1, a] - out[0, a]) / (here[1, a] - y[a]))
         here[1, a] = y[a]
-    members = 2 if model.across is None else 3  # one number for the slips and one for the spins: one inverse each
+    members = model.dimensions  # one number for the slips and one for the spins: one inverse each
     for low in range(first, len(y), members):
         high = min(low + members, len(y))
         mean = 0.0
@@ -338,7 +363,7 @@ def predict(model: Model, spin: Floats, problem: Problem, nodes: Nodes, tables: 
     here, out = work.here, work.out
     for a in range(n):
         here[0, a] = y[a]
-    rates_of(model, spin, here, 0, out)
+    call(model.rates, state.numbers[TIME], here, 0, out, 0, spin)
     singular = numbers[SINGULAR] == 1.0
     for i in range(count):
         for a in range(n):
@@ -376,7 +401,7 @@ def factorise(problem: Problem, nodes: Nodes, tables: Tables, h: float, slot: in
 
 @shared
 def solve_stages(
-    model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work
+    model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work
 ) -> int:
     """Solve the stages into `values`: iterations, negative if it failed."""
     numbers = state.numbers
@@ -392,7 +417,7 @@ def solve_stages(
     atol, rtol = problem.atol, problem.rtol
     idle = 0  # x and y move nothing: they are integrated at the end
     if kind == 0:
-        idle = 1 if model.across is None else 2
+        idle = model.dimensions - 1
     previous = math.inf
     for iteration in range(30):
         size, floor = 0.0, 0.0
@@ -408,7 +433,7 @@ def solve_stages(
                     if member:
                         for i in range(count):
                             right[i] -= force[i, a - first]
-                            if finite is not None:
+                            if len(finite.values) > 0:
                                 right[i] -= extra[i, a - first]
                     for i in range(count):
                         total = 0.0
@@ -443,8 +468,8 @@ def solve_stages(
                 return -iteration
             previous = size
         for i in range(count):
-            rates_of(model, spin, states, i, rates)
-            if finite is not None:
+            call(model.rates, numbers[TIME] + nodes.c[i] * h, states, i, rates, i, spin)
+            if len(finite.values) > 0:
                 for a in range(members):
                     extra[i, a] = 0.0
                 excess(finite, problem, states, i, nodes.c, kind, h, kind, tables.past[slot, kind, i], state, values, 1.0, extra)
@@ -453,10 +478,10 @@ def solve_stages(
 
 
 @shared
-def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
+def attempt(model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
-    first = 2 if model.across is None else 3  # the slips, one per dimension; spins follow
+    first = model.dimensions  # the slips, one per dimension; spins follow
     while True:
         code: int = choose(problem, tables, state)
         if code != ACCEPTED:
@@ -476,8 +501,8 @@ def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem,
             power = 0.5 * (count + 1)
             states_between(nodes, state, values, work.states)
             for i in range(count):
-                rates_of(model, spin, work.states, i, work.rates)
-                if finite is not None:
+                call(model.rates, numbers[TIME] + work.halfway[i] * h, work.states, i, work.rates, i, spin)
+                if len(finite.values) > 0:
                     slot = int(numbers[SLOT])
                     for a in range(len(problem.where)):
                         work.extra[i, a] = 0.0
@@ -485,7 +510,7 @@ def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem,
                     for a in range(len(problem.where)):
                         work.rates[i, problem.where[a]] += work.extra[i, a]
             error = CARE * defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
-            if finite is not None:
+            if len(finite.values) > 0:
                 error *= 4.0  # after a jump its solution has powers of √t that the step's polynomial has not
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
@@ -552,13 +577,13 @@ def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) 
 @shared
 def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws) -> float:
     """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     z = at(polynomial, y, kind, theta, d - 1)
     w = at(polynomial, y, kind, theta, 2 * d - 1)
     if z >= bed.highest:
         return max(z - bed.highest, w) + 1e-300
     u = at(polynomial, y, kind, theta, d) + both(model.profile, z)[0]
-    v = 0.0 if model.across is None else at(polynomial, y, kind, theta, d + 1)
+    v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1)
     plane = facing(bed.roughness, u, v, w, draws)
     return max(z - plane[1], w)
 
@@ -689,7 +714,7 @@ def cut_step(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: St
 @shared
 def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
     """Keep the highest point and the turning of the flight up to θ of the step."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
     if before > 0.0 >= after:
         low, high = 0.0, theta
@@ -703,8 +728,8 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
                 high = middle
         flight[TOP] = max(flight[TOP], at(polynomial, y, kind, high, d - 1))
     flight[TOP] = max(flight[TOP], at(polynomial, y, kind, theta, d - 1))
-    if model.turning is not None:
-        a = 4 if model.across is None else 7
+    if model.spins > 0:
+        a = 4 if model.dimensions == 2 else 7
         root = math.sqrt(0.15)
         ends = h * theta / 18.0
         flight[TURNED] += 8.0 * ends * at(polynomial, y, kind, 0.5 * theta, a)
@@ -719,12 +744,12 @@ def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float,
 
 
 @shared
-def forget(kept: Any, when: Any, rates: Floats, state: State, done: int) -> None:
+def forget(kept: Floats, when: Floats, rates: Floats, state: State, done: int) -> None:
     """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
 
     Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
     """
-    if kept is None:
+    if len(when) == 0:
         return
     now, past = state.numbers[TIME], state.past
     slot = done % len(when)
@@ -750,9 +775,9 @@ def forget(kept: Any, when: Any, rates: Floats, state: State, done: int) -> None
 def spin_of(model: Model, state: State, spin: Floats) -> Triple:
     """The spin, three components."""
     s = state.y
-    if model.turning is None:
+    if model.spins == 0:
         return spin[0], spin[1], spin[2]
-    if model.across is None:
+    if model.dimensions == 2:
         return 0.0, s[4], 0.0
     return s[6], s[7], s[8]
 
@@ -761,9 +786,9 @@ def spin_of(model: Model, state: State, spin: Floats) -> Triple:
 def turn(model: Model, state: State, spin: Floats, ox: float, oy: float, oz: float) -> None:
     """Give the grain a new spin."""
     s = state.y
-    if model.turning is None:
+    if model.spins == 0:
         spin[0], spin[1], spin[2] = ox, oy, oz
-    elif model.across is None:
+    elif model.dimensions == 2:
         s[4] = oy
     else:
         s[6], s[7], s[8] = ox, oy, oz
@@ -772,7 +797,7 @@ def turn(model: Model, state: State, spin: Floats, ox: float, oy: float, oz: flo
 @shared
 def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
     """Give the grain a new velocity after a contact: the memory makes of the jump what the scene says, and steps start small."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     s, numbers = state.y, state.numbers
     if len(problem.where) > 0:
         if memory.rebound in (RESTART, RESET):
@@ -781,18 +806,18 @@ def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stre
                 for q in range(past.shape[1]):
                     past[a, q] = 0.0
             state.jump[0], state.jump[d - 1] = u - stream, w
-            if model.across is not None:
+            if model.dimensions == 3:
                 state.jump[1] = v
         else:  # a jump that no step has taken up yet still counts
             state.jump[0] += u - stream - s[d]
             state.jump[d - 1] += w - s[2 * d - 1]
-            if model.across is not None:
+            if model.dimensions == 3:
                 state.jump[1] += v - s[d + 1]
         if memory.rebound in (RESET, NOTHING):
             for a in range(len(state.jump)):
                 state.jump[a] = 0.0
     s[d], s[2 * d - 1] = u - stream, w
-    if model.across is not None:
+    if model.dimensions == 3:
         s[d + 1] = v
     since, size = numbers[TIME] - numbers[JUMPED], numbers[FIRST]
     numbers[JUMPED] = numbers[TIME]
@@ -812,16 +837,15 @@ def land(
     work: Work,
     limits: Limits,
     jumps: Floats,
-    prescribed: float | None,
 ) -> int:
     """Strike the bed until the grain moves up; JUMPS when enough are done, REST when it lies still, else ACCEPTED."""
-    d = 2 if model.across is None else 3
+    d = model.dimensions
     s, numbers = state.y, state.numbers
     x, z = s[0], s[d - 1]
-    y = 0.0 if model.across is None else s[1]
+    y = 0.0 if model.dimensions == 2 else s[1]
     stream = both(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
-    v = 0.0 if model.across is None else s[d + 1]
+    v = 0.0 if model.dimensions == 2 else s[d + 1]
     ox, oy, oz = spin_of(model, state, spin)
     duration = numbers[TIME] - flight[START]
     u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
@@ -833,7 +857,11 @@ def land(
         closing = -(u * n[0] + v * n[1] + w * n[2])
         if not closing > 0.0:
             continue  # that plane falls away faster than the grain: the next one
-        after = strike(bed.rebound, n, (u, v, w), (ox, oy, oz))
+        work.contact[0, 0], work.contact[0, 1], work.contact[0, 2] = n
+        work.contact[0, 3], work.contact[0, 4], work.contact[0, 5] = u, v, w
+        work.contact[0, 6], work.contact[0, 7], work.contact[0, 8] = ox, oy, oz
+        call(bed.rebound, numbers[TIME], work.contact, 0, work.contact, 1, spin)
+        after = work.contact[1]
         if contacts == 0.0:
             tilt, clipped, normal_speed = angle, steep, closing
         u, v, w, ox, oy, oz = after[0], after[1], after[2], after[3], after[4], after[5]
@@ -841,7 +869,7 @@ def land(
         if w > 0.0:
             break
     row = jumps[int(flight[DONE])]
-    turned = flight[TURNED] if model.turning is not None else spin[1] * duration
+    turned = flight[TURNED] if model.spins > 0 else spin[1] * duration
     row[0], row[1], row[2], row[3] = flight[START], flight[X], flight[Y], flight[Z]
     row[4], row[5], row[6], row[7] = flight[U], flight[V], flight[W], duration
     row[8], row[9], row[10], row[11] = x - flight[X], y - flight[Y], flight[TOP] - flight[Z], turned
@@ -854,7 +882,7 @@ def land(
     if len(problem.where) > 0:
         forget(memory.before, memory.when, memory.rates, state, int(flight[TAKEN]) - 1)
     rebounded(model, memory, problem, state, stream, u, v, w)
-    if prescribed is None:  # contacts do not turn a prescribed spin
+    if not limits.prescribed:
         turn(model, state, spin, ox, oy, oz)
     work.past[0] = 0.0
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
@@ -880,7 +908,7 @@ class Record(NamedTuple):
 def _make_fly(digest: str) -> Callable[..., Any]:
     def fly(
         model: Model,
-        bed: Any,  # a Bed, or None
+        bed: Bed,
         memory: Memory,
         limits: Limits,
         problem: Problem,
@@ -896,17 +924,16 @@ def _make_fly(digest: str) -> Callable[..., Any]:
         record: Record,
         recording: bool,
         jumps: Floats,
-        prescribed: float | None,
     ) -> tuple[int, int]:
         """Fly until something needs the caller: (code, steps recorded)."""
         digest  # noqa: B018 - part of the cache key
         numbers, count = state.numbers, len(nodes.c)
-        d = 2 if model.across is None else 3
+        d = model.dimensions
         done = 0
         while True:
             if done >= len(record.start):
                 return FULL, done
-            if bed is not None and int(flight[DONE]) >= len(jumps):
+            if int(flight[DONE]) >= len(jumps) and bed.highest > -math.inf:
                 return CROWDED, done
             if numbers[TIME] - flight[START] > limits.longest:
                 return ALOFT, done
@@ -919,14 +946,13 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             record.share[done] = 1.0
             contact = 2.0
             fit_polynomial(nodes, rise, kind, h, values, work.polynomial)
-            if bed is not None:
-                near = state.y[d - 1] < bed.highest
-                for i in range(count):
-                    near = near or work.states[i, d - 1] < bed.highest
-                if near:
-                    draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
-                    fresh = numbers[TIME] == flight[START]
-                    contact = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
+            near = state.y[d - 1] < bed.highest
+            for i in range(count):
+                near = near or work.states[i, d - 1] < bed.highest
+            if near:
+                draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
+                fresh = numbers[TIME] == flight[START]
+                contact = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
             watch(model, work.polynomial, state.y, kind, h, min(contact, 1.0), flight)
             if contact > 1.0:
                 keep_rate(nodes, kind, h, values, work)
@@ -943,7 +969,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             cut_step(problem, nodes, memory, cut, state, theta, values, work)
             if recording:
                 done += 1
-            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)
+            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps)
             if code != ACCEPTED:
                 return code, done
 
@@ -973,14 +999,14 @@ def _each_force(effects: Any, s: Any, out: Any, row: Any, column: Any) -> Callab
 
 
 def _make_budget(digest: str) -> Callable[..., Any]:
-    def budget(model: Model, situations: Floats, out: Floats) -> None:
+    def budget(equation: Equation, situations: Floats, out: Floats) -> None:
         """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
         digest  # noqa: B018 - part of the cache key
         for i in range(len(situations)):
             r = situations[i]
-            each_force(model.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), out, i, 0)
+            each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), out, i, 0)
             for k in range(out.shape[1]):
-                out[i, k] *= model.alpha
+                out[i, k] *= equation.alpha
 
     return budget
 

@@ -253,8 +253,12 @@ KEPT: list[Floats] = []  # the tables that addresses point to
 
 
 @cache
-def tabulated(profile: Profile) -> Tabulated:
-    """The table of a profile, made once."""
+def tabulated(profile: Profile | Still) -> Tabulated:
+    """The table of a profile, made once; of still water, where the stream vanishes up to any height."""
+    if isinstance(profile, Still):
+        cells = np.zeros(((OCTAVES[1] - OCTAVES[0]) * CELLS, DEGREE + 1))
+        KEPT.append(cells)
+        return Tabulated(math.inf, 0.0, cells.ctypes.data)
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     edges = np.ldexp(1.0 + np.arange(CELLS) / CELLS, np.arange(*OCTAVES)[:, None]).ravel()
     widths = np.repeat(np.ldexp(1.0 / CELLS, np.arange(*OCTAVES)), CELLS)

@@ -590,7 +590,7 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
 def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins: Floats) -> xr.Dataset:
     """The path from times (points,), states and their rates (points, states), rates NaN where unknown; `spins` (points, 3) where they are no states."""
     d = engine.dimensions
-    if engine.turning is not None:
+    if engine.rotation is not None:
         spins = np.zeros((len(times), 3))
         spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d :]
     stream = np.array([engine.scene.profile.both(z)[0] for z in states[:, d - 1]])
@@ -599,7 +599,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     slip[:, [0, 2] if d == 2 else [0, 1, 2]] = states[:, d : 2 * d]
     situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])
     forces = np.zeros((len(times), 3 * len(engine.force_names)))
-    flight.budget(engine.model, situations, forces)
+    flight.budget(engine.equation, situations, forces)
     columns: dict[str, Any] = {"x": (states[:, 0], "d", "along the stream")}
     if d == 3:
         columns["y"] = states[:, 1], "d", "across the stream"

@@ -47,21 +47,22 @@ def scene(name: str, **changes: Any) -> Any:
 
 @contextlib.contextmanager
 def interpreted() -> Iterator[None]:
-    """The flight as plain Python: the same source, nothing to compile for a combination of effects that one test needs."""
+    """The flight as plain Python: the same source."""
     with contextlib.ExitStack() as stack:
         for module in (flight, fixed, encounters, _march):
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))
+        for name in ("rates_entry", "rebound_entry"):
+            stack.enter_context(mock.patch.object(flight, name, getattr(flight, name).plain))
         yield
 
 
-def run_plain(made: Any) -> saltation.Result:
-    """Run a scene as plain Python, its path too."""
-    with interpreted():
-        result = saltation.run(made)
-        if made.run.trajectory:
-            assert result.trajectory.sizes["time"] > 0
+def flown(made: Any) -> saltation.Result:
+    """Run a scene, its path too."""
+    result = saltation.run(made)
+    if made.run.trajectory:
+        assert result.trajectory.sizes["time"] > 0
     return result
 
 
@@ -168,8 +169,8 @@ def starting(places: Any, velocities: Any, spins: Any = None) -> Iterator[None]:
 
 
 def fly_cloud(made: Any, places: Any, velocities: Any, spins: Any = None) -> Any:
-    """Run a cloud from given starts as plain Python."""
-    with interpreted(), starting(places, velocities, spins):
+    """Run a cloud from given starts."""
+    with starting(places, velocities, spins):
         return saltation.run(made)
 
 

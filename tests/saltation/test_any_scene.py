@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scene_cases import interpreted
 
 import saltation
 from saltation import checks, engine, flight
@@ -79,7 +78,7 @@ def announced(made, status):
 
 
 def run_briefly(made):
-    """A run as plain Python with a bound on its steps."""
+    """A run with a bound on its steps."""
     build = engine.Engine.__init__
 
     def bounded(self, *args):
@@ -88,7 +87,7 @@ def run_briefly(made):
         if made.solver.dt is not None:
             self.problem = self.problem._replace(end=min(self.problem.end, MOST_STEPS * made.solver.dt))
 
-    with mock.patch.object(engine.Engine, "__init__", bounded), interpreted(), np.errstate(all="ignore"):
+    with mock.patch.object(engine.Engine, "__init__", bounded), np.errstate(all="ignore"):
         return saltation.run(made)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from scene_cases import interpreted, merged
+from scene_cases import merged
 
 import saltation
 from saltation import advice, advice_plots, cli, simulation
@@ -242,8 +242,7 @@ class TestAuto:
     def quick(self, monkeypatch):
         monkeypatch.setattr(advice, "PILOT", 8)
         monkeypatch.setattr(advice, "MOST", 8)
-        with interpreted():
-            yield
+        yield
 
     @pytest.fixture
     def three(self, monkeypatch):
@@ -423,8 +422,7 @@ def test_ablate_prints_draws_and_writes(tmp_path, monkeypatch):
     ):
         arguments += ["--set", f"{name}={value}"]
     arguments += ["--set", "bed.tangential_retention=0.89", "--set", "history="]
-    with interpreted():
-        out = CliRunner().invoke(cli.main, ["ablate", "sand", *arguments, "--output", str(file)])
+    out = CliRunner().invoke(cli.main, ["ablate", "sand", *arguments, "--output", str(file)])
     assert out.exit_code == 0, out.output
     table = pd.read_csv(file, index_col=0)
     assert list(table.index) == ["full", "weight", "drag", "lift"]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_cases import cloud_scene, interpreted, sand_cloud
+from scene_cases import cloud_scene, sand_cloud
 
 import saltation
 from basset.solvers import _march
@@ -117,8 +117,7 @@ def test_a_folder_holds_the_same_as_memory(whole, monkeypatch, tmp_path):
 @pytest.mark.parametrize("steps", [39, 59])
 def test_the_last_position_is_there(steps):
     """0.1·39 is a little more than 3.9 in floating point."""
-    with interpreted():
-        result = saltation.run(cloud_scene(1, 0.1 * steps, cloud={"boundary": "open"}))
+    result = saltation.run(cloud_scene(1, 0.1 * steps, cloud={"boundary": "open"}))
     assert result.trajectory.sizes["time"] == steps + 1
     assert np.isfinite(result.trajectory.to_array()).all()
 
@@ -202,17 +201,16 @@ def test_stopped_between_two_files(word, whole, monkeypatch, tmp_path):
 def test_a_folder_is_of_one_scene(whole, monkeypatch, tmp_path):
     """Another seed is another run; a finished one is not flown again; something else is left alone."""
     made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
-    with interpreted():
-        first = saltation.run(made, output=tmp_path / "run")
-        before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
-        monkeypatch.setattr(cloud, "fly_part", None)
-        same(saltation.run(made, output=tmp_path / "run"), first)
-        with pytest.raises(saltation.SceneError, match=r"another scene or version: give a new folder$"):
-            saltation.run(cloud_scene(2, 2.0, cloud={"boundary": "open"}), output=tmp_path / "run")
-        (tmp_path / "other").mkdir()
-        (tmp_path / "other" / "thesis.txt").write_text("mine")
-        with pytest.raises(saltation.SceneError, match=r"holds something else: give an empty or a new folder$"):
-            saltation.run(made, output=tmp_path / "other")
+    first = saltation.run(made, output=tmp_path / "run")
+    before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    monkeypatch.setattr(cloud, "fly_part", None)
+    same(saltation.run(made, output=tmp_path / "run"), first)
+    with pytest.raises(saltation.SceneError, match=r"another scene or version: give a new folder$"):
+        saltation.run(cloud_scene(2, 2.0, cloud={"boundary": "open"}), output=tmp_path / "run")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.txt").write_text("mine")
+    with pytest.raises(saltation.SceneError, match=r"holds something else: give an empty or a new folder$"):
+        saltation.run(made, output=tmp_path / "other")
     assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 
@@ -221,18 +219,16 @@ def test_killed_while_it_wrote_its_first_words(tmp_path):
     """What is left of an unfinished file is no hindrance and does not stay."""
     (tmp_path / ".run.json.x1y2").write_text("{")
     made = cloud_scene(1, 1.0, cloud={"boundary": "open"})
-    with interpreted():
-        assert saltation.run(made, output=tmp_path).status == "finished"
+    assert saltation.run(made, output=tmp_path).status == "finished"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["checkpoint.npz", "part-00000.nc", "run.json"]
 
 
 def test_stopped_before_the_first_part(monkeypatch, tmp_path):
     """It can be opened, empty, and goes on."""
     made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
-    with interpreted():
-        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(Folder, "put", lambda *arguments: (_ for _ in ()).throw(KeyboardInterrupt))
-            saltation.run(made, output=tmp_path / "run")
-        opened = saltation.open(tmp_path / "run")
-        assert (opened.status, opened.time, len(opened.all_jumps), len(opened.encounters)) == ("unfinished", 0.0, 0, 0)
-        same(saltation.run(made, output=tmp_path / "run"), saltation.run(made))
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Folder, "put", lambda *arguments: (_ for _ in ()).throw(KeyboardInterrupt))
+        saltation.run(made, output=tmp_path / "run")
+    opened = saltation.open(tmp_path / "run")
+    assert (opened.status, opened.time, len(opened.all_jumps), len(opened.encounters)) == ("unfinished", 0.0, 0, 0)
+    same(saltation.run(made, output=tmp_path / "run"), saltation.run(made))

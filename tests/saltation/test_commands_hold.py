@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scene_cases import cloud_scene, interpreted, merged, run_plain, scene
+from scene_cases import cloud_scene, flown, merged, scene
 
 import saltation
 from saltation import advice, campaigns, cli, simulation
@@ -22,8 +22,7 @@ SHORT = ["run", "bouncing", "--set", "run.jumps=2"]
 
 def invoke(*arguments):
     """A command in this process, as plain Python."""
-    with interpreted():
-        return CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
+    return CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
 
 
 def environment(**more):
@@ -38,7 +37,7 @@ PRINT = "import sys, saltation; from saltation import cli; made = saltation.open
 
 def test_a_closed_pipe_is_no_failure(tmp_path):
     """Nobody reads what is printed: the file is there, nothing is said, and the status is that of the run."""
-    result = run_plain(scene("bouncing", run={"jumps": 2}))
+    result = flown(scene("bouncing", run={"jumps": 2}))
     result.save(tmp_path / "in.nc")
     for status, code in (("finished", 0), ("failed", 1)):
         result.status = status
@@ -155,7 +154,7 @@ def word(value):
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, -1.0), (1.0, 0.0, -0.5), (0.0, 0.0, -1e-3)])
 def test_no_step_flown_leaves_the_start(velocity, tmp_path):
     """Below contact and moving down: the one jump has no flight."""
-    result = run_plain(scene("bouncing", velocity=velocity, height=0.45, run={"jumps": 1}))
+    result = flown(scene("bouncing", velocity=velocity, height=0.45, run={"jumps": 1}))
     path = result.trajectory
     assert path.sizes["time"] == 1 and float(path["z"][0]) == pytest.approx(0.45)
     assert [float(path[name][0]) for name in "uw"] == pytest.approx([velocity[0], velocity[2]])
@@ -196,11 +195,10 @@ def test_still_water_has_no_shear_velocity(tmp_path):
     velocity = saltation.load("bouncing").numbers.velocity
     assert f"V = √(|R| g d) = {velocity:.4g} m/s: still water has no u*" in out.stdout
     assert "u*" not in out.stdout.replace("has no u*", "")
-    with interpreted():
-        grains = CliRunner()
-        made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
-        (tmp_path / "c.toml").write_text(toml(made.model_dump(exclude_none=True)))
-        text = grains.invoke(cli.main, ["run", str(tmp_path / "c.toml")]).stdout
+    grains = CliRunner()
+    made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
+    (tmp_path / "c.toml").write_text(toml(made.model_dump(exclude_none=True)))
+    text = grains.invoke(cli.main, ["run", str(tmp_path / "c.toml")]).stdout
     assert "d/V" in text and "u*" not in text
     assert "u*" in invoke("run", "sand", "--set", "run.jumps=2", "--set", "run.discard=0", "--set", "solver.rtol=1e-2").stdout
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scene_cases import run_plain, scene
+from scene_cases import flown, scene
 
 import saltation
 from basset.solvers import _march
@@ -120,6 +120,6 @@ def test_the_promise_with_another_kernel_and_with_a_window(memory, request):
     """A few jumps of the kernel that follows the slip, and of a memory of two jumps."""
     expected(request, "sand", memory, 1e-6)
     history = {"horizon": 200.0} | ({"kernel": memory} if memory == "mei_adrian" else {"window_jumps": 2})
-    jumps = {rtol: run_plain(made("sand", rtol, jumps=4, history=history)).jumps[COLUMNS] for rtol in (1e-6, 1e-8)}
+    jumps = {rtol: flown(made("sand", rtol, jumps=4, history=history)).jumps[COLUMNS] for rtol in (1e-6, 1e-8)}
     assert len(jumps[1e-8]) == 4
     assert ((jumps[1e-6] - jumps[1e-8]).abs() / jumps[1e-8].mean()).to_numpy().max() <= 1e-6

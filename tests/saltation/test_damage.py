@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scene_cases import cloud_scene, interpreted, run_plain, scene
+from scene_cases import cloud_scene, flown, scene
 
 import saltation
 from saltation import _files, cloud
@@ -41,7 +41,7 @@ def same(one, other):
 def folders(tmp_path_factory):
     """A finished run in several parts, the same stopped after its second, a run of another scene; and what the first holds."""
     place = tmp_path_factory.mktemp("runs")
-    with pytest.MonkeyPatch.context() as patch, interpreted():
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cloud, "PART", 9)  # three samples of three grains
         whole = saltation.run(MADE)
         saltation.run(MADE, output=place / "finished")
@@ -64,7 +64,7 @@ def folders(tmp_path_factory):
 
 def again(folder):
     """The same run in the same folder, with the same parts."""
-    with pytest.MonkeyPatch.context() as patch, interpreted():
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cloud, "PART", 9)
         return saltation.run(MADE, output=folder)
 
@@ -334,7 +334,7 @@ def there_and_back(result, folder, tables):
 
 @pytest.fixture(scope="module")
 def bouncing():
-    return run_plain(scene("bouncing", run={"jumps": 2}))
+    return flown(scene("bouncing", run={"jumps": 2}))
 
 
 def test_units_are_those_of_cf(bouncing, folders, tmp_path):

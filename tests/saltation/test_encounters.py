@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scene_cases import cloud_scene, fly_cloud, interpreted, sand_cloud, separations, vectors
+from scene_cases import cloud_scene, fly_cloud, sand_cloud, separations, vectors
 from scipy.spatial import cKDTree
 
 import saltation
@@ -458,8 +458,7 @@ def test_a_grain_at_rest_leaves_the_run():
 @pytest.mark.parametrize("number", [1, 2])
 def test_few_grains_in_an_open_world(number):
     made = cloud_scene(number, 1.0, cloud={"boundary": "open"})
-    with interpreted():
-        result = saltation.run(made)
+    result = saltation.run(made)
     assert (result.status, result.trajectory.sizes["grain"], len(result.encounters)) == ("finished", number, 0)
     assert result.trajectory.sizes["time"] == 11
 

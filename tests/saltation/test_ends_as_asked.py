@@ -7,7 +7,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scene_cases import merged, run_plain, scene
+from scene_cases import flown, merged, scene
 
 import saltation
 from saltation import advice, checks, engine
@@ -32,27 +32,27 @@ class TestMemory:
     def test_as_many_jumps_as_asked(self, first, solver, monkeypatch):
         """From a memory that is too short, the run is the one whose memory was long enough, to the accuracy of their sums."""
         made = scene("bouncing", run={"jumps": 6}, history={"rebound": "impulse"}, solver={"rtol": 1e-6 if not solver else 1e-5} | solver)
-        whole = run_plain(made)
+        whole = flown(made)
         monkeypatch.setattr(engine, "first_horizon", lambda scene: first)
-        result = run_plain(made)
+        result = flown(made)
         assert result.status == "finished" and len(result.all_jumps) == 6
         np.testing.assert_allclose(result.jumps["height"], whole.jumps["height"], rtol=1e-4)
 
     def test_one_that_is_given_ends_the_run_and_is_announced(self):
         made = scene("bouncing", history={"horizon": 4.0})
-        assert run_plain(made).status == "horizon"
+        assert flown(made).status == "horizon"
         assert any("history.horizon = 4" in text for text in checks.warnings(made))
 
     @pytest.mark.parametrize("far", [1e8, 1e9])
     def test_a_very_long_one_costs_no_accuracy(self, far):
-        plain, long = (run_plain(scene("bouncing", history=history)) for history in ({}, {"horizon": far}))
+        plain, long = (flown(scene("bouncing", history=history)) for history in ({}, {"horizon": far}))
         np.testing.assert_allclose(long.jumps["height"], plain.jumps["height"], rtol=1e-8)
 
     @pytest.mark.parametrize("duration", [1e-9, 1e-7, 3e-4])
     def test_very_short_ones(self, duration):
         unit = saltation.load("settling").numbers.time
         made = scene("settling", run={"duration": 1.01 * duration * unit})
-        result = run_plain(made)
+        result = flown(made)
         assert result.status == "finished" and float(result.trajectory["time"][-1]) == pytest.approx(1.01 * duration, rel=1e-9)
 
     def test_a_longer_run_keeps_what_is_given(self):
@@ -75,7 +75,7 @@ class TestWithoutABed:
     def test_terminal_velocity(self, diameter, fluid, density, duration, law):
         made = falling(diameter, duration, fluid, density, drag={"law": law}, run={"duration": duration, "longest_flight": 10.0})
         tracemalloc.start()
-        result = run_plain(made)
+        result = flown(made)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert result.status == "finished" and result.trajectory.sizes["time"] < 3000 and peak < 1e8
@@ -87,9 +87,9 @@ class TestWithoutABed:
         """Stokes drag and history from rest: w = −(g/λ) (1 − S), S the response; from where memories changed it is the same."""
         made = falling(diameter, 3600.0, effects=[*FALL, "history"], drag={"law": "stokes"}, start={"velocity": [0.0, 0.0, 0.0]}, solver={"rtol": 1e-7})
         assert made.horizon > 10.0 * engine.BRIEF
-        result = run_plain(made)
+        result = flown(made)
         monkeypatch.setattr(engine, "BRIEF", 1e12)
-        whole = run_plain(made)
+        whole = flown(made)
         w, again = (float(r.trajectory["w"][-1]) for r in (result, whole))
         n = made.numbers
         fall, rate, c = n.alpha / n.shields, 18.0 * n.alpha / n.reynolds, n.history
@@ -104,10 +104,10 @@ class TestWithoutABed:
 def test_fixed_steps_end_where_they_are_told_to(method, steps):
     dt = 0.01
     made = scene("settling", run={"duration": steps * dt * saltation.load("settling").numbers.time}, solver={"method": method, "dt": dt})
-    result = run_plain(made)
+    result = flown(made)
     assert result.status == "finished"
     assert float(result.trajectory["time"][-1]) == pytest.approx(steps * dt, rel=1e-12)
-    sharp = run_plain(scene("settling", run={"duration": steps * dt * made.numbers.time}))
+    sharp = flown(scene("settling", run={"duration": steps * dt * made.numbers.time}))
     assert float(result.trajectory["w"][-1]) == pytest.approx(float(sharp.trajectory["w"][-1]), rel=0.1)
 
 
@@ -145,7 +145,7 @@ def test_what_check_passes_runs(dt, window, tail):
     """Memories that are no whole number of steps."""
     history = {"scheme": "windowed", "window": window, "tail": tail, "rebound": "impulse"}
     made = scene("bouncing", history=history, solver={"method": "fixed_step", "dt": dt, "rtol": 1e-5}, run={"jumps": 2})
-    assert run_plain(made).status == "finished"
+    assert flown(made).status == "finished"
 
 
 @pytest.mark.parametrize("interval", [1e-300, 1e-9, 1e-6])
@@ -189,7 +189,7 @@ def test_a_grain_that_lies_still_has_not_finished(jumps):
     made = scene(
         "bouncing", effects=["weight"], history=None, height=0.5, velocity=[0.0, 0.0, 0.0], bed={"restitution": 0.0}, run={"jumps": jumps, "trajectory": False}
     )
-    assert run_plain(made).status == "at rest"
+    assert flown(made).status == "at rest"
 
 
 def test_units_of_still_water_are_named():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_cases import linear, run_plain, scene
+from scene_cases import flown, linear, scene
 
 from basset import reference
 
@@ -26,7 +26,7 @@ class TestSettling:
     @pytest.mark.parametrize("density", [7800.0, 2650.0, 1010.0, 990.0, 625.0, 100.0])
     def test_velocity_and_height_along_the_whole_path(self, density, viscosity):
         made = scene("settling", grain={"density": density}, fluid={"viscosity": viscosity}, solver={"rtol": 1e-10 if density < 2650.0 else 1e-9})
-        result = run_plain(made)
+        result = flown(made)
         rate, coefficient, gravity = linear(made)
         path = result.trajectory
         t = path["time"].to_numpy()
@@ -46,7 +46,7 @@ class TestSettling:
     def test_the_forces_on_the_way(self):
         """Weight −g, drag −λw, history −c·H = g(1 − R) + λw: each alone, not their sum."""
         made = scene("settling")
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         rate, coefficient, gravity = linear(made)
         t = path["time"].to_numpy()[1:]
         velocity = reference.settling(t, rate, coefficient, gravity)
@@ -59,7 +59,7 @@ class TestSettling:
     def test_a_slip_along_the_way_decays_beside(self):
         """Linear: the two directions do not know of each other, and the initial slip is remembered."""
         made = scene("settling", velocity=[0.7, 0.0, 0.3])
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         rate, coefficient, gravity = linear(made)
         t = path["time"].to_numpy()
         assert largest(path["u"], reference.relaxing(t, rate, coefficient, 0.7)) < 1e-8
@@ -69,7 +69,7 @@ class TestSettling:
     @pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
     def test_a_coarser_tolerance_is_kept_as_well(self, rtol):
         made = scene("settling", solver={"rtol": rtol})
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         rate, coefficient, gravity = linear(made)
         t = path["time"].to_numpy()
         assert largest(path["w"], reference.settling(t, rate, coefficient, gravity)) < rtol
@@ -86,7 +86,7 @@ class TestBouncing:
         made = scene(
             "bouncing", grain={"density": density}, fluid={"viscosity": viscosity}, bed={"restitution": restitution}, run={"jumps": impacts}, height=5.5
         )
-        result = run_plain(made)
+        result = flown(made)
         exact = reference.bouncing(*linear(made), height=5.0, restitution=restitution, impacts=impacts)
         jumps, path = result.jumps, result.trajectory
         assert result.status == "finished" and len(jumps) == impacts
@@ -106,7 +106,7 @@ class TestBouncing:
     def test_a_smooth_plane_takes_nothing_along(self):
         """Without friction the motion along is a slip that decays through all impacts."""
         made = scene("bouncing", velocity=[1.5, 0.0, 0.0])
-        result = run_plain(made)
+        result = flown(made)
         rate, coefficient, _ = linear(made)
         path = result.trajectory
         t = path["time"].to_numpy()
@@ -116,7 +116,7 @@ class TestBouncing:
     def test_it_comes_to_rest(self):
         """Ever shorter jumps: all there are, as exact as the first, and then the grain lies still."""
         made = scene("bouncing", bed={"restitution": 0.5}, run={"jumps": 10000})
-        result = run_plain(made)
+        result = flown(made)
         exact = reference.bouncing(*linear(made), height=5.0, restitution=0.5, impacts=45)
         jumps = result.all_jumps
         assert result.status == "at rest" and "lies still" in result.message
@@ -146,7 +146,7 @@ class TestParabola:
     def test_over_a_bed(self, dimensions, upwards):
         across = 0.3 if dimensions == 3 else 0.0
         made = scene("bouncing", **WEIGHT, dimensions=dimensions, velocity=[1.25, across, upwards], height=3.5, run={"jumps": 12}, solver={"rtol": 1e-6})
-        result = run_plain(made)
+        result = flown(made)
         jumps, path = result.jumps, result.trajectory
         duration, rise, down = self.bounces(12, upwards, 3.0).T
         np.testing.assert_allclose(jumps["duration"], duration, rtol=1e-12)
@@ -165,7 +165,7 @@ class TestParabola:
     def test_without_a_bed(self, dimensions):
         across = -0.7 if dimensions == 3 else 0.0
         made = scene("settling", **WEIGHT, dimensions=dimensions, velocity=[0.4, across, 2.0], solver={"rtol": 1e-6}, run={"duration": 0.2})
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         t = path["time"].to_numpy()
         assert t[-1] == pytest.approx(0.2 / made.numbers.time, rel=1e-14)
         assert largest(path["z"], 0.75 + 2.0 * t - 0.5 * self.G * t**2) < 1e-12
@@ -187,7 +187,7 @@ class TestParabola:
         )
         n = made.numbers
         along, normal = np.sin(np.arctan(0.1)) / n.density_ratio / n.shields, np.cos(np.arctan(0.1)) / n.density_ratio / n.shields
-        jumps = run_plain(made).jumps
+        jumps = flown(made).jumps
         w = self.E ** np.arange(6.0)
         np.testing.assert_allclose(jumps["duration"], 2.0 * w / normal, rtol=1e-8)
         np.testing.assert_allclose(jumps["height"], w**2 / (2.0 * normal), rtol=1e-8)
@@ -199,7 +199,7 @@ class TestParabola:
         """Sliding until the contact rolls: û = u − f(1+e)|w| ε, ω̂_y = ω_y + 5 f(1+e)|w| ε; then nothing more."""
         friction = 0.2
         made = scene("bouncing", **WEIGHT, velocity=[2.0, 0.0, 1.0], spin=[0.0, -1.0, 0.0], height=0.5 + 1e-12, bed={"friction": friction}, run={"jumps": 14})
-        jumps = run_plain(made).jumps
+        jumps = flown(made).jumps
         u, spin, w, slid = 2.0, -1.0, 1.0, []
         for _, row in jumps.iterrows():
             assert row["takeoff_x"] == pytest.approx(u, abs=1e-9) and row["spin"] == pytest.approx(spin, abs=1e-9)
@@ -212,7 +212,7 @@ class TestParabola:
 
     def test_it_comes_to_rest_at_the_sum_of_a_geometric_series(self):
         made = scene("bouncing", **WEIGHT, bed={"restitution": 0.5}, run={"jumps": 10000}, height=5.5)
-        result = run_plain(made)
+        result = flown(made)
         fall = np.sqrt(10.0 / self.G)
         last = result.all_jumps.iloc[-1]
         assert result.status == "at rest"
@@ -222,7 +222,7 @@ class TestParabola:
 
     def test_without_restitution_it_rests_at_once(self):
         made = scene("bouncing", **WEIGHT, bed={"restitution": 0.0}, run={"jumps": 10})
-        result = run_plain(made)
+        result = flown(made)
         assert result.status == "at rest" and len(result.all_jumps) == 1
         assert result.all_jumps["duration"][0] == pytest.approx(np.sqrt(10.0 / self.G), rel=1e-11)
 
@@ -236,7 +236,7 @@ class TestStokesDrag:
         made = scene(
             "settling", effects=["weight", "drag", "added_mass"], dimensions=3, grain={"density": density}, velocity=[1.0, -0.5, 2.0], solver={"rtol": rtol}
         )
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         rate, coefficient, gravity = linear(made)
         t = path["time"].to_numpy()
         fade = np.exp(-rate * t)
@@ -250,7 +250,7 @@ class TestStokesDrag:
     def test_bounces(self):
         """Times from Lambert's function would do; a root of the exponential form does."""
         made = scene("bouncing", effects=["weight", "drag", "added_mass"], run={"jumps": 6})
-        jumps = run_plain(made).jumps
+        jumps = flown(made).jumps
         rate, coefficient, gravity = linear(made)
         exact = reference.bouncing(rate, 0.0, gravity, height=5.0, restitution=0.8, impacts=6)
         assert coefficient == 0.0
@@ -261,7 +261,7 @@ class TestStokesDrag:
     def test_at_last_drag_carries_the_weight(self, law):
         """The terminal velocity of every law, from the law of its C_D alone."""
         made = scene("settling", effects=["weight", "drag", "added_mass"], drag={"law": law}, fluid={"viscosity": 1e-6}, run={"duration": 1.0})
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         n = made.numbers
         speed = -float(path["w"][-1])
         number = speed * n.reynolds
@@ -282,7 +282,7 @@ class TestTurning:
         """w' = ¾α ω × w: Rodrigues's rotation; spin without torque stays."""
         spin, velocity = np.array([0.3, -1.1, 0.7]), np.array([1.0, 0.2, -0.5])
         made = scene("settling", **(WEIGHT | {"effects": ["magnus"]}), magnus={"form": "vector"}, dimensions=3, velocity=list(velocity), spin=list(spin))
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         t = path["time"].to_numpy()
         turn = 0.75 * made.numbers.alpha * spin
         angle, axis = np.linalg.norm(turn) * t[:, None], turn / np.linalg.norm(turn)
@@ -294,7 +294,7 @@ class TestTurning:
     def test_weight_and_magnus_make_a_cycloid(self):
         """As a charge in crossed fields: the mean drift is g/Ω across the weight."""
         made = scene("settling", **(WEIGHT | {"effects": ["weight", "magnus"]}), magnus={"form": "vector"}, spin=[0.0, 8.0, 0.0], run={"duration": 0.05})
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         t, turn, gravity = path["time"].to_numpy(), 0.75 * made.numbers.alpha * 8.0, made.numbers.alpha / made.numbers.shields
         drift = -gravity / turn  # u' = Ω w, w' = −g − Ω u
         assert turn * t[-1] > 2.0 * np.pi
@@ -304,7 +304,7 @@ class TestTurning:
 
     def test_the_vertical_form_lifts_only(self):
         made = scene("settling", **(WEIGHT | {"effects": ["magnus"]}), velocity=[2.0, 0.0, 0.0], spin=[0.0, -3.0, 0.0])
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         t = path["time"].to_numpy()
         assert largest(path["u"], np.full(len(t), 2.0)) < 1e-14
         assert largest(path["w"], 0.75 * made.numbers.alpha * 6.0 * t) < 1e-12  # backspin lifts
@@ -315,7 +315,7 @@ class TestTurning:
         spin = np.array([0.0, 0.5, 0.0]) if dimensions == 2 else np.array([-0.3, 0.5, 0.2])
         made = scene("settling", **(WEIGHT | {"effects": ["weight", "rotation"]}), dimensions=dimensions, spin=list(spin))
         n = made.numbers
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         assert np.linalg.norm(spin) * n.reynolds / 4.0 < 0.75
         fade = np.exp(-60.0 / (n.reynolds * n.density_ratio) * path["time"].to_numpy())
         for k, axis in enumerate("xyz"):
@@ -342,7 +342,7 @@ class TestEnergy:
             spin=[0.0, -4.0, 0.0],
             solver={"rtol": 1e-7},
         )
-        result = run_plain(made)
+        result = flown(made)
         path, jumps = result.trajectory, result.jumps
         gravity = made.numbers.alpha / made.numbers.shields
         spin = path["spin_y"].to_numpy()

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scene_cases import interpreted
 
 import basset.cli
 import bench.__main__
@@ -103,7 +102,7 @@ def test_commands_one_after_the_other(short, monkeypatch):
             continue
         words += ["--set", "run.jumps=5", "--set", "run.discard=1"] if "gravel" in words else []
         words += ["--set", "run.duration=0.1"] if "sand_cloud" in words else []
-        with monkeypatch.context() as here, interpreted() if any(word in words for word in PLAIN) else contextlib.nullcontext():
+        with monkeypatch.context() as here:
             if any(word in words for word in PLAIN):
                 here.setattr(campaigns, "cores", lambda: 1)  # in this process
             run(words)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from scene_cases import linear, run_plain, scene
+from scene_cases import flown, linear, scene
 from scipy.interpolate import CubicSpline
 
 import basset
@@ -104,7 +104,7 @@ class TestPath:
     def test_a_spin_that_nothing_changes_is_on_the_path(self):
         """Without a bed and without rotation it is that of the start, and so is the Magnus force."""
         made = scene("settling", effects=["weight", "magnus"], drag=None, added_mass=None, history=None, spin=[0.0, 8.0, 0.0], velocity=[1.0, 0.0, 0.0])
-        path = run_plain(made).trajectory
+        path = flown(made).trajectory
         assert np.all(path["spin_y"] == 8.0)
         np.testing.assert_allclose(path["magnus_z"], -0.75 * made.numbers.alpha * 8.0 * path["u"], rtol=1e-12)
 
@@ -132,7 +132,7 @@ class TestForces:
     def test_the_history_force_through_impacts(self):
         """w' + g + λw of the exact motion, its jumps remembered."""
         made = scene("bouncing", height=5.5)
-        result = run_plain(made)
+        result = flown(made)
         path = result.trajectory
         rate, coefficient, gravity = linear(made)
         exact = reference.bouncing(rate, coefficient, gravity, height=5.0, restitution=0.8, impacts=5)
@@ -237,7 +237,7 @@ class TestBudget:
     def test_of_parabolas(self):
         """Elastic bounces, all alike: a parabola over the phase, the weight at every phase."""
         made = scene("bouncing", effects=["weight"], velocity=[0.5, 0.0, 1.0], height=0.5 + 1e-12, bed={"restitution": 1.0}, solver={"rtol": 1e-10})
-        result = run_plain(made)
+        result = flown(made)
         budget = result.budget(20)
         phase, duration, gravity = budget["phase"].to_numpy(), 2.0 * 2.65, 1.0 / 2.65
         np.testing.assert_allclose(phase, (np.arange(20) + 0.5) / 20)
@@ -258,7 +258,7 @@ class TestBudget:
         assert budget["z"].max() == pytest.approx(sand.jumps["height_above_bed"].mean(), rel=0.1)
 
     def test_nothing_to_tell(self):
-        result = run_plain(scene("settling"))
+        result = flown(scene("settling"))
         for method in (result.budget, result.diffusion):
             with pytest.raises(ValueError, match="jump"):
                 method()
@@ -305,9 +305,9 @@ class TestBedLoad:
 
     def test_refusals(self):
         with pytest.raises(ValueError, match="channel"):
-            run_plain(scene("bouncing")).bed_load()
+            flown(scene("bouncing")).bed_load()
         with pytest.raises(ValueError, match="jump"):
-            run_plain(scene("sand", run={"jumps": None, "duration": 1e-3, "discard": 0})).bed_load()
+            flown(scene("sand", run={"jumps": None, "duration": 1e-3, "discard": 0})).bed_load()
 
 
 class TestProvenance:
@@ -323,7 +323,7 @@ class TestProvenance:
 
     def test_what_is_not_there_is_not_told(self, without):
         assert without.provenance["rebound_memory"] is None and without.provenance["kernel"] is None
-        still = run_plain(scene("settling")).provenance
+        still = flown(scene("settling")).provenance
         assert still["profile"] == "none" and still["roughness"] is None and still["stokes"] is None
 
 
@@ -349,7 +349,7 @@ class TestFiles:
 
     def test_without_a_path_and_without_jumps(self, tmp_path):
         for made in (scene("bouncing", run={"trajectory": False}), scene("settling")):
-            result = run_plain(made)
+            result = flown(made)
             result.save(tmp_path / "out.nc")
             found = saltation.open(tmp_path / "out.nc")
             assert found.all_jumps.equals(result.all_jumps) and list(found.all_jumps) == list(result.all_jumps)
@@ -362,7 +362,7 @@ class TestFiles:
 
     def test_a_failure_leaves_the_old_file(self, sand, tmp_path, monkeypatch):
         target = tmp_path / "out.nc"
-        run_plain(scene("bouncing", run={"jumps": 2})).save(target)
+        flown(scene("bouncing", run={"jumps": 2})).save(target)
         before = target.read_bytes()
 
         def refuse(*_, **__):
@@ -401,13 +401,13 @@ class TestFiles:
 
     def test_a_file_in_the_current_folder(self, tmp_path, monkeypatch):
         monkeypatch.chdir(tmp_path)
-        run_plain(scene("bouncing", run={"jumps": 1})).save("out.nc")
+        flown(scene("bouncing", run={"jumps": 1})).save("out.nc")
         assert len(saltation.open("out.nc").jumps) == 1
 
 
 def test_a_flight_of_no_length_is_no_point_of_the_path():
     """Impacts without a flight between them, as of a grain that comes to rest: neither a jump that counts nor on the path."""
-    result = run_plain(scene("bouncing", velocity=[0.0, 0.0, -1.0], height=0.5, run={"jumps": 3}))
+    result = flown(scene("bouncing", velocity=[0.0, 0.0, -1.0], height=0.5, run={"jumps": 3}))
     path = result.trajectory
     assert abs(result.all_jumps["duration"][0]) <= 1e-13 and len(result.all_jumps) == 3  # rounding decides which side of 0
     assert len(result.jumps) == 2 and np.isfinite(result.jumps["velocity"]).all()
@@ -433,7 +433,7 @@ class TestSpinsWithoutRotation:
             run={"jumps": None, "duration": 0.35, "discard": 0},
             solver={"rtol": 1e-9},
         )
-        return run_plain(made)
+        return flown(made)
 
     def test_forces_are_the_acceleration_in_every_flight(self, turned):
         path = turned.trajectory

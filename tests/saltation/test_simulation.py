@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_cases import run_plain, scene
+from scene_cases import flown, scene
 
 import saltation
 from saltation import simulation
@@ -53,7 +53,7 @@ class TestEndings:
     def test_a_flight_that_never_comes_down(self):
         """A bubble leaves the bed for good."""
         made = scene("bouncing", grain={"density": 100.0}, run={"jumps": 10, "longest_flight": 30.0})
-        result = run_plain(made)
+        result = flown(made)
         assert result.status == "aloft" and "longest_flight" in result.message
         assert len(result.jumps) == 0
         path = result.trajectory
@@ -92,7 +92,7 @@ class TestEndings:
     def test_a_grain_that_slides_is_not_at_rest(self):
         for speed, status in ((1.0, "creeping"), (0.0, "at rest")):
             made = scene("bouncing", effects=["weight"], velocity=[speed, 0.0, 0.0], bed={"restitution": 0.0}, run={"jumps": 5})
-            assert run_plain(made).status == status
+            assert flown(made).status == status
 
     def test_progress(self, monkeypatch):
         """The share that is done, never less than before, up to all: of jumps, or of the time."""
@@ -141,7 +141,7 @@ class TestNothingElseDecides:
     def test_the_order_of_effects_is_of_no_account(self, usual):
         """Sums in another order: rounding alone."""
         turned = list(reversed(usual.scene.names))
-        result = run_plain(sand(5, effects=turned))
+        result = flown(sand(5, effects=turned))
         np.testing.assert_allclose(result.all_jumps, usual.all_jumps.iloc[:5], rtol=1e-9, atol=1e-9)
 
 
@@ -197,7 +197,7 @@ class TestSymmetry:
     def test_three_dimensions_without_anything_across_are_two(self):
         """Jump for jump, with all effects."""
         space = saltation.run(sand(8, bed={"span_scatter": False}, **SHARP)).jumps
-        plane = run_plain(sand(8, dimensions=2, **SHARP)).jumps
+        plane = flown(sand(8, dimensions=2, **SHARP)).jumps
         assert not space[["drift", "takeoff_y", "impact_y", "impulse_y"]].to_numpy().any()
         np.testing.assert_allclose(space, plane, rtol=1e-7, atol=1e-7)
 
@@ -208,7 +208,7 @@ class TestSymmetry:
         assert 25 < (kicks > 0.0).sum() < 75
 
     def test_still_water_knows_no_upstream(self):
-        one, other = (run_plain(scene("bouncing", velocity=[side * 1.3, 0.0, 0.0], spin=[0.0, side, 0.0], bed={"friction": 0.2})).jumps for side in (1.0, -1.0))
+        one, other = (flown(scene("bouncing", velocity=[side * 1.3, 0.0, 0.0], spin=[0.0, side, 0.0], bed={"friction": 0.2})).jumps for side in (1.0, -1.0))
         assert one["length"].min() > 0.0
         for name in ("height", "duration", "impact_z", "impulse_z"):
             np.testing.assert_allclose(one[name], other[name], rtol=1e-8, atol=1e-9)
