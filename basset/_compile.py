@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import os
 import pickle
 import sys
 import threading
@@ -23,6 +24,11 @@ from types import FunctionType
 from typing import Any, NamedTuple, TypeVar, cast
 
 from basset._files import replacing
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system
+    fcntl = None  # type: ignore[assignment]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -165,7 +171,7 @@ class Keeper:
     warned = False  # once in a process: one disk, one cause
 
     def __init__(self, plain: Any, usually: str) -> None:
-        self.name, self.usually, self.cache = f"{plain.__module__}.{plain.__name__}", usually, None
+        self.name, self.usually, self.cache, self.turn = f"{plain.__module__}.{plain.__name__}", usually, None, -1
         try:
             self.cache = compiler().core.caching.FunctionCache(plain)
             self.cache._cache_file = Files(self.cache.cache_path, self.cache._impl.filename_base)
@@ -178,12 +184,35 @@ class Keeper:
         return None if self.cache is None else self.cache.cache_path
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """The compiled form from the disk, or None."""
+        """The compiled form from the disk, or None; then other processes wait until it is there, instead of compiling it too."""
+        if self.cache is None:
+            return None
         try:
-            return None if self.cache is None else self.cache.load_overload(signature, context)
+            found = self.cache.load_overload(signature, context)
+            if found is None and self.turn < 0:
+                self._wait()
+                found = self.cache.load_overload(signature, context)
+                if found is not None:
+                    self._done()
+            return found
         except Exception as error:  # unpickling raises anything
             self.warn("read", error)
             return None
+
+    def _wait(self) -> None:
+        """Until no other process compiles this function: the system frees the lock of one that dies."""
+        with contextlib.suppress(OSError):  # no locks on this file system
+            folder = Path(self.cache.cache_path)
+            folder.mkdir(parents=True, exist_ok=True)
+            self.turn = os.open(folder / f"{self.cache._impl.filename_base}.lock", os.O_RDWR | os.O_CREAT, 0o666)
+            if fcntl is not None:
+                fcntl.flock(self.turn, fcntl.LOCK_EX)
+
+    def _done(self) -> None:
+        """Let others go on."""
+        if self.turn >= 0:
+            os.close(self.turn)
+            self.turn = -1
 
     def save_overload(self, signature: Any, form: Any) -> None:
         """Keep the compiled form, if that can be."""
@@ -192,6 +221,8 @@ class Keeper:
                 self.cache.save_overload(signature, form)
         except Exception as error:
             self.warn("kept", error)
+        finally:
+            self._done()
 
     def flush(self) -> None:
         """Forget all forms."""

@@ -75,7 +75,7 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options that say how a file of samples is read."""
     options = (
         click.option("--input", "kind", default="rate", show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
-        click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times, the first column]"),
+        click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times in the file]"),
         click.option("--variable", help="Which variable of a netCDF file."),
     )
     for option in reversed(options):
@@ -164,6 +164,13 @@ def compare(
         for level, rows in enumerate(comparison.measured(chosen), 1):
             records += rows
             report(level / len(chosen.levels))
+    if output is not None:
+        with mistakes_of_files("--output"):
+            if output.suffix == ".csv":
+                head = ("scheme", "steps", "dt", "error", "seconds")
+                write(output, csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
+            else:
+                draw(comparison.drawn(records, chosen.doubt, subject), output)
     out = console()
     table = Table("largest error", "fastest scheme", "steps", "dt (s)", "error", "time (ms)", box=None)
     for error in ERRORS:
@@ -173,12 +180,6 @@ def compare(
     if chosen.doubt:
         out.print(f"\nH itself is known to {chosen.doubt:.1e} of its largest value on these samples")
     if output is not None:
-        with mistakes_of_files("--output"):
-            if output.suffix == ".csv":
-                head = ("scheme", "steps", "dt", "error", "seconds")
-                write(output, csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
-            else:
-                draw(comparison.drawn(records, chosen.doubt, subject), output)
         out.print(f"written: {output}")
 
 
