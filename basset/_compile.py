@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import math
 import os
 import pickle
 import sys
@@ -528,25 +529,25 @@ def _pointer() -> Any:
 
 
 @contextlib.contextmanager
-def rate_function(function: Any, args: tuple[Any, ...], states: int) -> Iterator[Any]:
-    """A compiled fun(t, y, *args) as a C function of (t, y, rates): one type for all, so its callers compile once.
+def c_function(function: Any, args: tuple[Any, ...], states: int, number: bool = False) -> Iterator[Entry]:
+    """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`.
 
     Floats and arrays (C order) among `args` are data, read at every call where a table says that they lie: new ones compile
     nothing. What else there is is frozen into the function and must be hashable.
     """
     kinds = tuple((value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if type(value) is float else (None, value) for value in args)
-    idle = _idle(function, kinds, states)
+    idle = _idle(function, kinds, states, number)
     try:
         made, table = idle.pop()  # nobody else's meanwhile: a solve within a solve, or in another thread, makes its own
     except IndexError:
-        made, table = _rate_function(function, kinds, states)
+        made, table = _c_function(function, kinds, states, number)
     for k, (kind, value) in enumerate(zip(kinds, args, strict=True)):
         if kind is _FLOAT:
             table.view("float64")[k] = value
         elif kind[0] is not None:
             table[k] = value.ctypes.data
     try:
-        yield made
+        yield Entry(made.address, 0)
     finally:
         idle.append((made, table))
 
@@ -555,12 +556,12 @@ _FLOAT = ("a float",)
 
 
 @lru_cache(maxsize=64)
-def _idle(function: Any, kinds: tuple[Any, ...], states: int) -> list[tuple[Any, Any]]:
+def _idle(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> list[tuple[Any, Any]]:
     """C functions of one kind and their tables that nobody uses now."""
     return []
 
 
-def _rate_function(function: Any, kinds: tuple[Any, ...], states: int) -> tuple[Any, Any]:
+def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> tuple[Any, Any]:
     import numpy as np
 
     numba = compiler()
@@ -570,11 +571,17 @@ def _rate_function(function: Any, kinds: tuple[Any, ...], states: int) -> tuple[
     for k, kind in enumerate(kinds):
         given = _appended(given, kind, table.ctypes.data + 8 * k, array, _pointer(), np.int64)
 
-    def call(t, y, rates):
-        array(rates, (states,))[:] = function(t, array(y, (states,)), *given())
+    def vector(t, y, out, own, data):
+        result = array(out, (states,))
+        result[:] = array(y, (states,))  # which the function may write into
+        result[:] = function(t, result, *given())
+
+    def scalar(t, y, out, own, data):
+        array(out, (1,))[0] = function(t, array(y, (states,)), *given())
 
     pointer = numba.types.CPointer(numba.types.float64)
-    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer))(call), table
+    form = numba.types.void(numba.types.float64, pointer, pointer, pointer, numba.types.int64)
+    return numba.cfunc(form)(scalar if number else vector), table
 
 
 def _appended(given: Any, kind: tuple[Any, ...], place: int, array: Any, pointer: Any, integer: Any) -> Any:
@@ -585,3 +592,47 @@ def _appended(given: Any, kind: tuple[Any, ...], place: int, array: Any, pointer
     if shape is None:
         return shared(lambda: (*given(), value))
     return shared(lambda: (*given(), array(pointer(array(pointer(place), (1,), integer)[0]), shape, value)))
+
+
+class Callbacks:
+    """Python functions (t, y) -> array as something to `call` from compiled code; what they raise is kept for whoever runs that code."""
+
+    form = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+
+    def __init__(self) -> None:
+        self.raised: BaseException | None = None
+        self._kept: list[Any] = []
+
+    def entry(self, function: Callable[[float, Any], Any], states: int, results: int) -> Any:
+        """An `Entry`; where nothing is compiled, a plain function."""
+        if not jit():
+            return partial(_filled, function)
+        import numpy as np
+
+        seen: dict[tuple[int, int], Any] = {}
+
+        def view(address: int, size: int) -> Any:
+            found = seen.get((address, size))
+            if found is None:
+                found = seen[address, size] = np.frombuffer((ctypes.c_double * size).from_address(address))
+            return found
+
+        def called(t: float, y: int, out: int, own: int, data: int) -> None:
+            try:
+                view(out, results)[:] = math.nan if self.raised is not None else function(t, view(y, states))
+            except BaseException as error:  # nothing may be raised through compiled code
+                self.raised = error
+                view(out, results)[:] = math.nan
+
+        made = self.form(called)
+        self._kept.append(made)
+        return Entry(ctypes.cast(made, ctypes.c_void_p).value or 0, 0)
+
+
+def _filled(function: Callable[[float, Any], Any], t: float, y: Any, out: Any, own: Any) -> None:
+    out[:] = function(t, y)
+
+
+def jit() -> bool:
+    """Whether functions are compiled: not with NUMBA_DISABLE_JIT=1."""
+    return not compiler().config.DISABLE_JIT

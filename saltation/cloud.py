@@ -108,7 +108,6 @@ class Cloud:
             engine.limits,
             engine.problem._replace(end=math.inf),
             engine.tables.nodes,
-            engine.tables.rise,
             engine.cut,
             engine.tables.tables,
             engine.problem._replace(end=math.inf, rtol=COARSE * engine.problem.rtol, atol=COARSE * engine.problem.atol),

@@ -119,7 +119,6 @@ class Parts(NamedTuple):
     limits: Any
     problem: Any
     nodes: Any
-    rise: Floats
     cut: Any
     tables: Any
     coarse: Any  # the problem for a step that cannot be small enough: two contacts follow each other too closely
@@ -237,7 +236,7 @@ def describe(
     across = 0.0 if model.dimensions == 2 else y[1]
     u, v, w = before[0], before[1], before[2]
     if share > 1e-6:
-        flight.all_at(polynomial, y, singular, share, here)
+        _march.all_at(polynomial, y, singular, share, here)
         u, v, w = (here[0] - x) / length, (0.0 if model.dimensions == 2 else here[1] - across) / length, (here[d - 1] - z) / length
     pace = (before[0] - u) ** 2 + (before[1] - v) ** 2 + (before[2] - w) ** 2
     spread, bend, last = 0.0, 0.0, 0.0
@@ -250,7 +249,7 @@ def describe(
         last = where
         before[0], before[1], before[2] = now[0], now[1], now[2]
     for quarter in range(1, 4):
-        flight.all_at(polynomial, y, singular, 0.25 * quarter * share, here)
+        _march.all_at(polynomial, y, singular, 0.25 * quarter * share, here)
         time = 0.25 * quarter * length
         off_x, off_z = here[0] - x - u * time, here[d - 1] - z - w * time
         off_y = 0.0 if model.dimensions == 2 else here[1] - across - v * time
@@ -292,7 +291,7 @@ def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> 
 def polynomial_of(parts: Parts, crowd: Crowd, grain: int, out: Floats) -> None:
     """The polynomial of the step in hand."""
     numbers = crowd.numbers[grain]
-    flight.fit_polynomial(parts.nodes, parts.rise, int(numbers[SINGULAR]), numbers[STEP], crowd.values[grain], out)
+    _march.fit_polynomial(parts.nodes, int(numbers[SINGULAR]), numbers[STEP], crowd.values[grain], out)
 
 
 @shared
@@ -300,7 +299,7 @@ def states_at(crowd: Crowd, grain: int, polynomial: Floats, time: float, row: Fl
     """All states of a grain at a time of the step in hand, into `row`."""
     numbers = crowd.numbers[grain]
     theta = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
-    flight.all_at(polynomial, crowd.y[grain], int(numbers[SINGULAR]), theta, row)
+    _march.all_at(polynomial, crowd.y[grain], int(numbers[SINGULAR]), theta, row)
 
 
 @shared
@@ -492,7 +491,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
-        flight.fit_polynomial(nodes, parts.rise, singular, h, crowd.values[i], work.polynomial)
+        _march.fit_polynomial(nodes, singular, h, crowd.values[i], work.polynomial)
         contact = contact_in(parts.bed, model, nodes, state, singular, account, i, work)
         share = min(contact, 1.0)
         crowd.share[i] = share

@@ -46,9 +46,8 @@ class Tables:
         regular, singular = found.regular.coefficients, found.singular.coefficients[:, 1:]
         between = found.between
         constants = (found.singular.values(between)[:, 1:], found.singular.slopes(between)[:, 1:], found.regular.values(np.zeros(1))[0])
-        arrays = (found.c, found.slope, found.integral, regular, singular, between, found.width, *constants)
+        arrays = (found.c, found.slope, found.integral, regular, singular, between, found.width, *constants, found.regular._integrals)
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
-        self.rise = np.ascontiguousarray(found.regular._integrals)
         terms = len(tail) if tail else 0
         rungs = math.ceil(_march.LADDER * math.log2(span / floor)) + 2
         shapes: list[tuple[int, ...]] = [(2,), (2, stages, terms), (terms,), (2, stages, terms), (2, stages, stages), (stages,)]
@@ -165,7 +164,7 @@ class Engine:
         strength = np.full(self.members, numbers.history)
         self.problem = _march.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
         points = 16 if rtol >= 1e-6 else 48
-        self.cut = flight.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        self.cut = _march.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), self.prescribed is not None)
         self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else BASSET
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
@@ -287,7 +286,6 @@ class Grain:
                 engine.limits,
                 engine.problem,
                 tables.nodes,
-                tables.rise,
                 engine.cut,
                 tables.tables,
                 self.state,

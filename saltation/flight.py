@@ -31,14 +31,19 @@ from basset.solvers._march import (
     STEP,
     STEPS,
     TIME,
+    Cut,
     Nodes,
     Problem,
     State,
     Tables,
     accept,
+    all_at,
+    at,
     choose,
+    cut_memory,
     decay_error,
     defect_error,
+    fit_polynomial,
     judge,
     states_between,
 )
@@ -134,15 +139,6 @@ class Finite(NamedTuple):
     local: Floats
     local_low: float
     local_inverse: float
-
-
-class Cut(NamedTuple):
-    """Gauss points and weights on [0, 1] and how many decay times count, for the moments of a cut step."""
-
-    x: Floats
-    w: Floats
-    decayed: float
-    sums: Floats  # (stages + 1,), overwritten
 
 
 class Limits(NamedTuple):
@@ -537,44 +533,6 @@ def keep_rate(nodes: Nodes, kind: int, h: float, values: Floats, work: Work) -> 
 
 
 @shared
-def fit_polynomial(nodes: Nodes, rise: Floats, kind: int, h: float, values: Floats, polynomial: Floats) -> None:
-    """Legendre coefficients of y(θ) − y_n, in θ for a regular step and in √θ for a singular one."""
-    count, n = values.shape
-    basis, scale = (nodes.singular, 1.0) if kind == 1 else (rise, h)
-    for d in range(count + 1):
-        for a in range(n):
-            total = 0.0
-            for k in range(count):
-                total += basis[d, k] * values[k, a]
-            polynomial[d, a] = scale * total
-
-
-@shared
-def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
-    """State a at θ."""
-    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
-    total: float = y[a] + polynomial[0, a] + polynomial[1, a] * x
-    older, newer = 1.0, x
-    for d in range(2, len(polynomial)):
-        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-        total += polynomial[d, a] * newer
-    return total
-
-
-@shared
-def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
-    """All states at θ into `row`; the same bits as `at`."""
-    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
-    for a in range(len(y)):
-        row[a] = y[a] + polynomial[0, a] + polynomial[1, a] * x
-    older, newer = 1.0, x
-    for d in range(2, len(polynomial)):
-        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-        for a in range(len(y)):
-            row[a] += polynomial[d, a] * newer
-
-
-@shared
 def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws) -> float:
     """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
     d = model.dimensions
@@ -645,64 +603,13 @@ def root_of_gap(
 
 
 @shared
-def cut_memory(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
-    """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
-    count, members = len(nodes.c), len(problem.where)
-    basis = nodes.singular if kind == 1 else nodes.regular
-    degrees = len(basis)
-    sums = cut.sums
-    rates, past, jump, where, nodes_x, nodes_w = memory.rates, state.past, state.jump, problem.where, cut.x, cut.w
-    for q in range(len(rates)):
-        z = rates[q] * h * theta
-        share = min(1.0, cut.decayed / z) if z > 0.0 else 1.0
-        low = math.sqrt(max(0.0, 1.0 - share))
-        width = share / (1.0 + low) if kind == 1 else share
-        for d in range(degrees):
-            sums[d] = 0.0
-        for p in range(len(nodes_x)):
-            position = 1.0 - width * nodes_x[p]
-            if kind == 1:
-                factor = 2.0 * width * nodes_w[p] * math.sqrt(theta) * math.exp(-z * (1.0 - position) * (1.0 + position))
-                x = 2.0 * position * math.sqrt(theta) - 1.0
-                older, newer, slope = 1.0, x, 1.0  # P_0, P_1, P_1'
-                before = 0.0
-                sums[1] += factor
-                for d in range(2, degrees):
-                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-                    before, slope = slope, before + (2 * d - 1) * older  # P_d' = P_(d−2)' + (2d − 1) P_(d−1)
-                    sums[d] += factor * slope
-            else:
-                factor = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
-                x = 2.0 * position * theta - 1.0
-                older, newer = 1.0, x
-                sums[0] += factor
-                if degrees > 1:
-                    sums[1] += factor * x
-                for d in range(2, degrees):
-                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-                    sums[d] += factor * newer
-        decay = math.exp(-z)
-        for a in range(members):
-            past[a, q] = decay * (past[a, q] + (jump[a] if kind == 1 else 0.0))
-        for k in range(count):
-            gained = 0.0
-            for d in range(degrees):
-                gained += sums[d] * basis[d, k]
-            for a in range(members):
-                past[a, q] += gained * values[k, where[a]]
-    if kind == 1:
-        for a in range(members):
-            state.jump[a] = 0.0
-
-
-@shared
 def cut_step(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, theta: float, values: Floats, work: Work) -> None:
     """Take the step that was found up to θ: state, memory and time."""
     numbers, y = state.numbers, state.y
     h, kind = numbers[STEP], int(numbers[SINGULAR])
     all_at(work.polynomial, y, kind, theta, work.here[0])
     if theta > 0.0:
-        cut_memory(problem, nodes, memory, cut, state, h, theta, kind, values)
+        cut_memory(problem.where, nodes, memory.rates, cut, state, h, theta, kind, values)
     if kind == 1 and theta > 0.05:
         numbers[FIRST] = h
     for a in range(len(y)):
@@ -913,7 +820,6 @@ def _make_fly(digest: str) -> Callable[..., Any]:
         limits: Limits,
         problem: Problem,
         nodes: Nodes,
-        rise: Floats,
         cut: Cut,
         tables: Tables,
         state: State,
@@ -945,7 +851,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             h, kind, theta = numbers[STEP], int(numbers[SINGULAR]), 1.0
             record.share[done] = 1.0
             contact = 2.0
-            fit_polynomial(nodes, rise, kind, h, values, work.polynomial)
+            fit_polynomial(nodes, kind, h, values, work.polynomial)
             near = state.y[d - 1] < bed.highest
             for i in range(count):
                 near = near or work.states[i, d - 1] < bed.highest

@@ -1,8 +1,8 @@
-"""The inner loop of graded collocation: written once, run as plain Python for Python callables and compiled for compiled ones.
+"""The inner loop of graded collocation, with events and jumps inside: compiled once for all equations.
 
 It comes back to its caller when a table for a new step size is missing, when its record is full, when it cannot go on, and at
-the end; between these no Python is involved if `fun` is compiled. `fun` is (t, y) -> rates in plain Python and a C function
-of (t, y, rates) in compiled code: the loop is compiled once for all of them and kept on disk.
+the end. `fun`, event functions and jumps are called by `basset._compile.call`: C functions of compiled ones, which need no
+Python from start to end, or callbacks.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import compiled, overloads, shared
+from basset._compile import call, compiled, shared
 from basset._stream import dot
 from basset.kernels import Floats
+from basset.solvers import events
 
-END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT = range(9)
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
@@ -56,6 +57,7 @@ class Nodes(NamedTuple):
     between_values: Floats
     between_slopes: Floats
     at_start: Floats
+    rise: Floats  # integrals of the regular basis, in Legendre coefficients
 
 
 class Tables(NamedTuple):
@@ -86,13 +88,16 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Accepted steps: start, size, kind, state at the start, node values."""
+    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and the state after it."""
 
     start: Floats
     size: Floats
     kind: Floats
+    share: Floats
     y: Floats
     values: Floats
+    leapt: Floats
+    after: Floats
 
 
 def _make_assemble(digest: str) -> Callable[..., Any]:
@@ -346,23 +351,15 @@ def _make_accept(digest: str) -> Callable[..., Any]:
 accept = compiled(_make_accept, allocates=False)
 
 
-def evaluate(fun, state, times, states, rates):
-    """`fun` at every row of `states`; whether all is finite."""
+@shared
+def evaluate(m, state, times, states, rates):
+    """`fun` at every row of `states`, nothing for what is at rest; whether all is finite."""
     for i in range(len(times)):
-        rates[i] = fun(times[i], states[i])
+        call(m.fun, times[i], states, i, rates, i, m.own)
+        for a in range(len(m.held)):
+            if m.held[a]:
+                rates[i, a] = 0.0
     return checked(state, times, rates)
-
-
-@overloads(evaluate)
-def _evaluate_compiled(fun, state, times, states, rates):
-    def evaluate(fun, state, times, states, rates):
-        for i in range(len(times)):
-            for a in range(states.shape[1]):
-                rates[i, a] = states[i, a]  # fun may write into what it is given
-            fun(times[i], rates[i].ctypes, rates[i].ctypes)
-        return checked(state, times, rates)
-
-    return evaluate
 
 
 @shared
@@ -388,7 +385,7 @@ def steepest(problem, state, force, rates):
 
 
 @shared
-def newton(fun, problem, nodes, tables, state, values, rates):
+def newton(m, problem, nodes, tables, state, values, rates):
     """Solve the stages into `values`: iterations, negative if it failed, 0 if fun was not finite."""
     h, slot, kind = state.numbers[STEP], int(state.numbers[SLOT]), int(state.numbers[SINGULAR])
     inverse, lead, carry, force = assemble(problem, nodes, tables, state, h, slot, kind)
@@ -398,7 +395,7 @@ def newton(fun, problem, nodes, tables, state, values, rates):
     values[:] = 0.0
     previous = math.inf
     for iteration in range(1, 11):
-        if not evaluate(fun, state, times, states, rates):
+        if not evaluate(m, state, times, states, rates):
             return 0
         size, floor = correct(problem, tables.local[slot, kind], state, inverse, lead, carry, force, rates, states, values)
         if not math.isfinite(size):
@@ -417,7 +414,7 @@ def newton(fun, problem, nodes, tables, state, values, rates):
 
 
 @shared
-def differentiate(fun, problem, state):
+def differentiate(m, problem, state):
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
     n, t = len(state.y), min(max(state.numbers[TIME], problem.first), problem.last)
     states, rates = np.zeros((n + 1, n)), np.zeros((n + 1, n))
@@ -425,7 +422,7 @@ def differentiate(fun, problem, state):
         states[j] = state.y
     for j in range(n):
         states[j + 1, j] += 1.5e-8 * max(abs(state.y[j]), problem.atol + problem.rtol, 1e-8)
-    if not evaluate(fun, state, np.full(n + 1, t), states, rates):
+    if not evaluate(m, state, np.full(n + 1, t), states, rates):
         return False
     for j in range(n):
         state.jacobian[:, j] = (rates[j + 1] - rates[0]) / (states[j + 1, j] - state.y[j])
@@ -447,7 +444,7 @@ def judge(problem: Problem, state: State, error: float, power: float) -> int:
 
 
 @shared
-def attempt(fun, problem, nodes, tables, state, values):
+def attempt(m, problem, nodes, tables, state, values):
     """Find the next step that keeps the tolerance: node values into `values`, its size in numbers[STEP]; ACCEPTED or why not."""
     numbers, count = state.numbers, len(nodes.c)
     rates = np.zeros_like(values)
@@ -458,10 +455,10 @@ def attempt(fun, problem, nodes, tables, state, values):
         iterations = -1
         for trial in range(2):
             if numbers[KNOWN] == 0.0 or trial == 1:
-                if not differentiate(fun, problem, state):
+                if not differentiate(m, problem, state):
                     return NOT_FINITE
                 numbers[KNOWN] = 1.0
-            iterations = newton(fun, problem, nodes, tables, state, values, rates)
+            iterations = newton(m, problem, nodes, tables, state, values, rates)
             if abs(iterations) > 4:
                 numbers[KNOWN] = 0.0  # of another place by now
             if iterations >= 0:
@@ -474,7 +471,7 @@ def attempt(fun, problem, nodes, tables, state, values):
             states = np.zeros_like(values)
             states_between(nodes, state, values, states)
             times = np.minimum(np.maximum(numbers[TIME] + h * nodes.between**2, problem.first), problem.last)
-            if not evaluate(fun, state, times, states, rates):
+            if not evaluate(m, state, times, states, rates):
                 return NOT_FINITE
             error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
         elif iterations > 0:
@@ -490,30 +487,182 @@ def attempt(fun, problem, nodes, tables, state, values):
                 return SUSPECT
 
 
-def _make_attempt(digest: str) -> Callable[..., Any]:
-    def compiled_attempt(fun, problem, nodes, tables, state, values):
-        digest  # noqa: B018 - part of the cache key
-        return attempt(fun, problem, nodes, tables, state, values)
+@shared
+def fit_polynomial(nodes: Nodes, kind: int, h: float, values: Floats, polynomial: Floats) -> None:
+    """Legendre coefficients of y(θ) − y_n, in θ for a regular step and in √θ for a singular one."""
+    count, n = values.shape
+    basis, scale = (nodes.singular, 1.0) if kind == 1 else (nodes.rise, h)
+    for d in range(count + 1):
+        for a in range(n):
+            total = 0.0
+            for k in range(count):
+                total += basis[d, k] * values[k, a]
+            polynomial[d, a] = scale * total
 
-    return compiled_attempt
+
+@shared
+def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
+    """State a at θ."""
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
+    total: float = y[a] + polynomial[0, a] + polynomial[1, a] * x
+    older, newer = 1.0, x
+    for d in range(2, len(polynomial)):
+        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+        total += polynomial[d, a] * newer
+    return total
+
+
+@shared
+def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
+    """All states at θ into `row`; the same bits as `at`."""
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
+    for a in range(len(y)):
+        row[a] = y[a] + polynomial[0, a] + polynomial[1, a] * x
+    older, newer = 1.0, x
+    for d in range(2, len(polynomial)):
+        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+        for a in range(len(y)):
+            row[a] += polynomial[d, a] * newer
+
+
+class Cut(NamedTuple):
+    """Gauss points and weights on [0, 1] and how many decay times count, for the moments of a cut step."""
+
+    x: Floats
+    w: Floats
+    decayed: float
+    sums: Floats  # (stages + 1,), overwritten
+
+
+@shared
+def cut_memory(where: Any, nodes: Nodes, rates: Floats, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
+    """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
+    count, members = len(nodes.c), len(where)
+    basis = nodes.singular if kind == 1 else nodes.regular
+    degrees = len(basis)
+    sums = cut.sums
+    past, jump, nodes_x, nodes_w = state.past, state.jump, cut.x, cut.w
+    for q in range(len(rates)):
+        z = rates[q] * h * theta
+        share = min(1.0, cut.decayed / z) if z > 0.0 else 1.0
+        low = math.sqrt(max(0.0, 1.0 - share))
+        width = share / (1.0 + low) if kind == 1 else share
+        for d in range(degrees):
+            sums[d] = 0.0
+        for p in range(len(nodes_x)):
+            position = 1.0 - width * nodes_x[p]
+            if kind == 1:
+                factor = 2.0 * width * nodes_w[p] * math.sqrt(theta) * math.exp(-z * (1.0 - position) * (1.0 + position))
+                x = 2.0 * position * math.sqrt(theta) - 1.0
+                older, newer, slope = 1.0, x, 1.0  # P_0, P_1, P_1'
+                before = 0.0
+                sums[1] += factor
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    before, slope = slope, before + (2 * d - 1) * older  # P_d' = P_(d−2)' + (2d − 1) P_(d−1)
+                    sums[d] += factor * slope
+            else:
+                factor = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
+                x = 2.0 * position * theta - 1.0
+                older, newer = 1.0, x
+                sums[0] += factor
+                if degrees > 1:
+                    sums[1] += factor * x
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    sums[d] += factor * newer
+        decay = math.exp(-z)
+        for a in range(members):
+            past[a, q] = decay * (past[a, q] + (jump[a] if kind == 1 else 0.0))
+        for k in range(count):
+            gained = 0.0
+            for d in range(degrees):
+                gained += sums[d] * basis[d, k]
+            for a in range(members):
+                past[a, q] += gained * values[k, where[a]]
+    if kind == 1:
+        for a in range(members):
+            state.jump[a] = 0.0
+
+
+class Room(NamedTuple):
+    """Work space of a march with events: all overwritten."""
+
+    polynomial: Floats  # (degree + 1, state)
+    before: Floats  # (state,)
+    after: Floats
+    still: Floats
+
+
+@shared
+def to_event(m, found, problem, nodes, cut, state, values, room, record, done, theta):
+    """Take the step up to θ, where events happen, and start anew behind their jumps: PASSED, or why to stop."""
+    numbers, y, count = state.numbers, state.y, len(nodes.c)
+    h, kind = numbers[STEP], int(numbers[SINGULAR])
+    record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], h, kind, theta
+    for a in range(len(y)):
+        record.y[done, a] = y[a]
+        for k in range(count):
+            record.values[done, k, a] = values[k, a]
+    all_at(room.polynomial, y, kind, theta, room.before)
+    if theta > 0.0:
+        cut_memory(problem.where, nodes, m.rates, cut, state, h, theta, kind, values)
+    end = numbers[TIME] + h * theta
+    if theta == 1.0 and abs(problem.end - end) <= 1e-12 * h + 1e-15 * abs(problem.end):
+        end = problem.end
+    numbers[TIME] = end
+    numbers[STEPS] += 1.0
+    numbers[SMOOTH] = 0.0
+    if kind == 1:
+        numbers[FIRST] = h
+    events.copy(room.before, y)
+    leaps = False
+    for j in range(found.count[0]):
+        leaps = leaps or found.leaps[found.fired[j]]
+    status = events.fire(m, found, end, room.before, room.after, room.still, events.REST * problem.span)
+    record.leapt[done] = 1.0 if leaps else 0.0
+    if leaps:
+        for a in range(len(problem.where)):  # to what has not been felt yet, without a flight
+            state.jump[a] += room.after[problem.where[a]] - room.before[problem.where[a]]
+        for a in range(len(y)):
+            y[a] = record.after[done, a] = room.after[a]
+        flight = end - numbers[JUMPED]
+        numbers[KNOWN], numbers[JUMPED] = 0.0, end
+        numbers[STEP] = min(numbers[FIRST], 0.5 * flight) if flight > 0.0 else numbers[FIRST]
+        numbers[SINGULAR] = 1.0 if len(problem.where) > 0 else 0.0
+    return status
 
 
 def _make_march(digest: str) -> Callable[..., Any]:
-    def march(fun, problem, nodes, tables, state, values, record):
+    def march(m, found, problem, nodes, tables, cut, state, values, room, record):
         """Take steps until something needs the caller; (code, steps recorded)."""
         digest  # noqa: B018 - part of the cache key
         done = 0
-        while done < len(record.start):
-            code = attempt(fun, problem, nodes, tables, state, values)
+        while done < len(record.start) and 2 * found.logged[0] <= len(found.log_times):
+            code = attempt(m, problem, nodes, tables, state, values)
             if code != ACCEPTED:
                 return code, done
-            accept(problem, nodes, tables, state, values, record, done)
+            theta = 2.0
+            if len(found.side) > 0:
+                h, kind = state.numbers[STEP], int(state.numbers[SINGULAR])
+                fit_polynomial(nodes, kind, h, values, room.polynomial)
+                theta = events.first_crossing(m, found, events.Step(state.numbers[TIME], h, kind, state.y, room.polynomial))
+                if found.trouble[0] != 0:
+                    return TROUBLE, done
+            if theta > 1.0:
+                accept(problem, nodes, tables, state, values, record, done)
+                record.share[done], record.leapt[done] = 1.0, 0.0
+                done += 1
+                continue
+            status = to_event(m, found, problem, nodes, cut, state, values, room, record, done, theta)
+            if found.trouble[0] != 0:
+                return TROUBLE, done
             done += 1
+            if status != events.PASSED:
+                return (STOPPED if status == events.TERMINAL else LYING), done
         return FULL, done
 
     return march
 
 
-attempt_compiled = compiled(_make_attempt)
-march_compiled = compiled(_make_march, usually="some 10 s")
-march = _make_march("")
+march = compiled(_make_march, usually="some 10 s")
