@@ -15,7 +15,7 @@ from numpy.polynomial import legendre
 from basset._compile import is_compiled, rate_function
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.solvers import _march
+from basset.solvers import _march, _sliding
 from basset.solvers.base import REST, Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, stretches
 
 if TYPE_CHECKING:
@@ -160,6 +160,15 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 PATIENCE = 4  # looks for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span
+SLIDING = (
+    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun and cannot be followed there; "
+    "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
+)
+
+
+def _shortened(piece: Piece, share: float) -> Piece:
+    """The first part of a piece."""
+    return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share))
 
 
 class TooFastError(Exception):
@@ -201,6 +210,8 @@ class Integration:
         self.beyond: Floats | None = None  # y' behind it
         self.looks = (math.nan, 0)  # where, how often
         self.found: list[float] = []  # when a jump with the state was found
+        self.surfaces: list[_sliding.Surface] = []  # along which the state slides
+        self.contact: Floats | None = None  # the jump of fun on the surface ahead, if it will slide there
         stretch = self.stretches[0]
         self.problem = _march.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
@@ -269,12 +280,14 @@ class Integration:
         with ExitStack() as stack:
             if is_compiled(task.function):
                 task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
-                stack.callback(self._count, task.nfev)
+                stack.callback(self._count)
                 fun = stack.enter_context(rate_function(task.function, task.args, len(task.y0)))
                 attempt, march = _march.attempt_compiled, _march.march_compiled
             while True:
-                if task.held:  # compiled code does not know what is at rest
-                    code = _march.attempt(task.rate, self.problem, self.nodes, self.tables, self.state, values)
+                if task.held or self.surfaces:  # compiled code knows neither rest nor sliding
+                    calls = float(self.state.numbers[_march.CALLS])
+                    code = _march.attempt(self._rate, self.problem, self.nodes, self.tables, self.state, values)
+                    self.state.numbers[_march.CALLS] = calls  # the task has counted
                 elif task.events:
                     code = attempt(fun, self.problem, self.nodes, self.tables, self.state, values)
                 else:
@@ -291,16 +304,20 @@ class Integration:
                         return
                 elif code == _march.SUSPECT:
                     self._look()
-                elif code == _march.TOO_SMALL and self._look():
+                elif code == _march.TOO_SMALL and (self._look() or self._sticks()):
                     continue
                 elif code == _march.TOO_SMALL and self._fades():
                     raise TooFastError
                 elif code != _march.FULL:
                     raise SolverError(self._reason(code))
 
-    def _count(self, calls: int) -> None:
-        """Add what compiled code has evaluated to `calls`."""
-        self.task.nfev = calls + int(self.state.numbers[_march.CALLS])
+    def _count(self) -> None:
+        """Add what compiled code has evaluated."""
+        self.task.nfev += int(self.state.numbers[_march.CALLS])
+
+    def _rate(self, t: float, y: Floats) -> Floats:
+        """The rate without history, on a surface that the state slides along a mean of both sides."""
+        return _sliding.mean(self.surfaces, self.task.rate, t, y) if self.surfaces else self.task.rate(t, y)
 
     def _fades(self) -> bool:
         """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
@@ -327,6 +344,10 @@ class Integration:
             numbers[_march.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
             self._look()
             return True
+        contact, self.contact = self.contact, None
+        if contact is not None and self._slide(contact):
+            self.beyond = None
+            return True
         self._begin(0.5 * (stretch.end - float(numbers[_march.TIME])))
         if self.beyond is not None:  # differences across the jump are no derivatives
             h = float(numbers[_march.STEP])
@@ -343,9 +364,64 @@ class Integration:
         """Start anew here: fun goes on otherwise, the state does not jump."""
         numbers = self.state.numbers
         numbers[_march.SMOOTH] = numbers[_march.KNOWN] = numbers[_march.REFUSED] = 0.0
-        numbers[_march.SINGULAR] = float(self.remembers)
+        numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
         numbers[_march.JUMPED] = numbers[_march.TIME]
         numbers[_march.STEP] = min(float(numbers[_march.FIRST]), most)
+
+    def _slide(self, jump: Floats) -> bool:
+        """Go on along the surface on which fun has that jump; False if it is not near enough or fun does not jump."""
+        state, problem, t = self.state, self.problem, float(self.state.numbers[_march.TIME])
+        if state.jump.any():  # a singular step would not see the layer
+            return False
+        sizes, moved = np.maximum(np.abs(jump), 1e-300), np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else 0.0
+        scale = problem.atol + problem.rtol * np.abs(state.y)
+        least = np.maximum(64.0 * np.spacing(np.abs(state.y)), 1e-3 * problem.floor * sizes)
+        surface = _sliding.Surface(float((np.maximum(_sliding.WIDTH * scale, least) / sizes)[jump != 0.0].min()) * jump)
+        found = surface.located(self._rate, t, state.y)
+        near = 10.0 * (problem.atol + problem.rtol * np.maximum(np.abs(state.y), moved)) + 4.0 * problem.floor * sizes
+        if found is None or (np.abs(found[0] * surface.half) > near).any():
+            return False
+        self._chatter(t)
+        state.y[:] += found[0] * surface.half
+        self.surfaces.append(surface)
+        self._begin(0.5 * (self.stretches[0].end - t))
+        return True
+
+    def _sticks(self) -> bool:
+        """Slide from here if fun throws the state from one side of a surface to the other and back."""
+        t, memory = float(self.state.numbers[_march.TIME]), np.zeros(len(self.state.y))
+        memory[self.task.memory] = self.task.felt * self._memory(t)
+        try:
+            jump = _sliding.swings(lambda time, y: self._rate(time, y) - memory, t, self.state.y, 2.0 * self.problem.floor)
+            return jump is not None and self._slide(jump)
+        except SolverError:  # fun is not finite there
+            return False
+
+    def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
+        """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
+
+        def left(theta: float) -> _sliding.Surface | None:
+            t, y = piece.start + theta * piece.length, piece.values(np.array([theta]))[0]
+            return next((surface for surface in self.surfaces if not surface.holds(self.task.rate, t, y)), None)
+
+        low = 0.0
+        for high in self.stages.c if self.surfaces else ():
+            surface = left(float(high))
+            if surface is None:
+                low = float(high)
+                continue
+            while high - low > 1e-12:
+                middle = 0.5 * (low + high)
+                found = left(middle)
+                low, high, surface = (middle, high, surface) if found is None else (low, middle, found)
+            return float(high), surface
+        return 1.0, None
+
+    def _chatter(self, t: float) -> None:
+        """Note that a jump with the state was found at t; SolverError if there are too many."""
+        self.found.append(t)
+        if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * self.problem.span:
+            raise SolverError(SLIDING.format(t))
 
     def _look(self) -> bool:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
@@ -362,7 +438,7 @@ class Integration:
             return np.asarray(piece.values(np.array([1.0 + share]))[0] if share <= 0.25 else y + (time - t) * slope)
 
         def rates(time: float, place: Floats) -> Floats:
-            return task.rate(min(max(time, problem.first), problem.last), place)
+            return self._rate(min(max(time, problem.first), problem.last), place)
 
         def apart(one: Floats, other: Floats) -> float:
             return float((np.abs(one - other) / scale).max())
@@ -391,6 +467,9 @@ class Integration:
                 return False
             place = ahead(high)
             in_time = apart(rates(low, place), rates(high, place)) > 0.5 * jump
+            behind = slope + after - before
+            onward = rates(high, place + max(0.01 * (high - t), 64.0 * math.ulp(high)) * behind)
+            back = apart(onward, before) < apart(onward, after)
         except SolverError:  # fun is not finite there
             return False
         rest = self.stretches[0]
@@ -400,10 +479,8 @@ class Integration:
             self.approaching = True
             self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
         else:
-            self.found.append(t)
-            if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * problem.span:
-                raise SolverError(f"fun pushes the state back to where it jumps, from either side, at t = {t:.6g}: sliding, as with friction that sticks")
-            self.beyond = slope + after - before
+            self._chatter(t)
+            self.beyond, self.contact = behind, after - before if back else None
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]
         self.problem = problem._replace(end=stretch.end, last=stretch.last)
@@ -416,6 +493,8 @@ class Integration:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
         if code == _march.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
+        if self.surfaces or self.found and self.found[-1] > t - 1e-6 * self.problem.span:
+            return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
     def _record(self, steps: int) -> _march.Record:
@@ -443,11 +522,18 @@ class Integration:
         state, numbers, task = self.state, self.state.numbers, self.task
         h, singular = float(numbers[_march.STEP]), bool(numbers[_march.SINGULAR])
         piece = self._piece(float(numbers[_march.TIME]), h, singular, state.y.copy(), values.copy())
-        cut, events = first_crossing(task.events, piece, 2 * self.count + 2, 2 if singular else 1)
-        theta = min(cut, 1.0)
+        share, surface = self._leaves(piece)
+        if surface is not None and h * share <= 4.0 * math.ulp(piece.start):
+            self._leave(surface)
+            return False
+        cut, events = first_crossing(task.events, piece if surface is None else _shortened(piece, share), 2 * self.count + 2, 2 if singular else 1)
+        theta = min(cut, 1.0) * share
         self.trace.steps += 1
         numbers[_march.STEPS] += 1.0
         self._advance(piece, theta, singular, values)
+        if surface is not None and not events:
+            self._leave(surface)
+            return False
         if not events:
             if singular:
                 numbers[_march.FIRST] = h
@@ -471,8 +557,14 @@ class Integration:
             flight = t - numbers[_march.JUMPED]
             numbers[_march.JUMPED] = t
             numbers[_march.STEP] = min(numbers[_march.FIRST], 0.5 * flight) if flight > 0.0 else numbers[_march.FIRST]
-            numbers[_march.SINGULAR] = float(self.remembers)
+            self.surfaces = [] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(task.rate, t, after)]
+            numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
         return stop
+
+    def _leave(self, surface: _sliding.Surface) -> None:
+        """Go on from here beside the surface."""
+        self.surfaces.remove(surface)
+        self._begin(0.5 * (self.stretches[0].end - float(self.state.numbers[_march.TIME])))
 
     def _memory(self, t: float) -> Floats:
         """H of the components in memory at t, had nothing happened since the step's start."""
@@ -504,8 +596,7 @@ class Integration:
         if theta == 0.0:  # a contact that left no flight
             return
         if theta < 1.0:
-            whole = piece.values
-            piece = Piece(piece.start, h * theta, lambda share: whole(share * theta))
+            piece = _shortened(piece, theta)
         self.trace.pieces.append(piece)
         self.trace.times.append(end)
         self.trace.states.append(state.y.copy())
