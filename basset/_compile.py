@@ -92,18 +92,51 @@ def _announce(numba: Any) -> None:
 
         def on_start(self, event: Any) -> None:
             kept = _kept(event)
+            INNER.append(bool(INNER) and kept is None)
             if kept is not None and not self.under_way and kept.name not in self.told and sys.stderr.isatty():
                 self.told.add(kept.name)
                 print(f"compiling, once: {kept.name} (usually {kept.usually})", file=sys.stderr, flush=True)
             self.under_way.append(time.perf_counter())
 
         def on_end(self, event: Any) -> None:
+            INNER.pop()
             seconds, kept = time.perf_counter() - self.under_way.pop(), _kept(event)
             if kept is not None and not self.under_way:
                 for report in REPORTS:
                     report(kept.name, seconds)
 
     numba.core.event.register("numba:compile", Announcer())
+
+
+SEPARATE: set[str] = set()
+INNER: list[bool] = []  # of the functions that are being compiled: whether only one of ours will ever call it
+
+
+@when_loaded
+def _optimise_once(numba: Any) -> None:
+    """Have only whole functions optimised and made executable, not everything that they are put together from as well."""
+    library, context = numba.core.codegen.CPUCodeLibrary, numba.core.cpu.CPUContext
+    optimise, finish, executable = library._optimize_final_module, library._finalize_final_module, context.get_executable
+
+    def _optimize_final_module(self: Any) -> None:
+        if not (INNER and INNER[-1]):
+            optimise(self)
+
+    def _finalize_final_module(self: Any) -> None:
+        if INNER and INNER[-1]:
+            if self.name in SEPARATE:
+                for function in self._final_module.functions:
+                    if not function.is_declaration and f"{len(self.name)}{self.name}" in function.name:
+                        function.add_function_attribute("noinline")
+            self._finalize_dynamic_globals()
+            self._finalized = True
+        else:
+            finish(self)
+
+    def get_executable(self: Any, library: Any, description: Any, environment: Any) -> Any:
+        return [].append if INNER and INNER[-1] else executable(self, library, description, environment)
+
+    library._optimize_final_module, library._finalize_final_module, context.get_executable = _optimize_final_module, _finalize_final_module, get_executable
 
 
 def _kept(event: Any) -> Keeper | None:
@@ -298,17 +331,26 @@ def is_compiled(function: Any) -> bool:
     return "numba" in sys.modules and isinstance(function, compiler().core.dispatcher.Dispatcher)
 
 
+BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # nobody but compiled code calls it
+
+
 def shared(function: Function) -> Function:
     """A function that compiled code inlines and that stays plain Python for everybody else."""
-    when_loaded(lambda numba: numba.extending.register_jitable(function))
+    when_loaded(lambda numba: numba.extending.register_jitable(**BARE)(function))
     return function
+
+
+def separate(function: Function) -> Function:
+    """As `shared`, but called: what is long and called from many places is not copied to all of them."""
+    SEPARATE.add(function.__qualname__)
+    return shared(function)
 
 
 def overloads(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorator for the form that compiled code uses in place of the plain Python `function`."""
 
     def decorate(form: Callable[..., Any]) -> Callable[..., Any]:
-        when_loaded(lambda numba: numba.extending.overload(function)(form))
+        when_loaded(lambda numba: numba.extending.overload(function, jit_options=BARE)(form))
         return form
 
     return decorate
@@ -396,10 +438,11 @@ def _enter(parts, block):  # its global `stub` is another one for every function
     return stub(parts, block)  # type: ignore[name-defined]  # noqa: F821
 
 
-def entry(function: Callable[..., None]) -> Callable[..., Any]:
+def entry(function: Callable[..., None], usually: str = "a second") -> Callable[..., Any]:
     """Parts -> `function`(parts, t, y, out, own) as something to `call`: plain, or an `Entry`; and what must be kept alive.
 
-    `parts` are NamedTuples of numbers. A new type of them compiles `function` and nothing that calls it.
+    `parts` are NamedTuples of numbers and arrays, which somebody else keeps alive too. A new type of them compiles `function`
+    and nothing that calls it; nor is it optimised again with what calls it, as numba does with what is called otherwise.
     """
 
     def stub(parts: Any, block: Any) -> int:
@@ -422,7 +465,7 @@ def entry(function: Callable[..., None]) -> Callable[..., Any]:
 
         if not made:
             with LOCK:
-                made.append(_made(plain, False, True, "a second"))
+                made.append(_made(plain, False, False, usually))
         if not is_compiled(made[0]):
             return plain_form(parts)
         block = np.zeros(_words(parts), dtype=np.int64)
@@ -432,9 +475,17 @@ def entry(function: Callable[..., None]) -> Callable[..., Any]:
     return bind
 
 
+def invoke(entry: Any, t: float, y: Any, out: Any, own: Any) -> None:
+    """`call` from Python, of arrays that are one row."""
+    if not isinstance(entry, Entry):
+        entry(t, y, out, own)
+        return
+    Callbacks.form(entry.address)(t, y.ctypes.data, out.ctypes.data, own.ctypes.data, entry.data)
+
+
 def _words(parts: Any) -> int:
-    """Room for nested tuples of numbers, in words."""
-    return sum(_words(part) for part in parts) if isinstance(parts, tuple) else 1
+    """Room for nested tuples of numbers and arrays, in words."""
+    return sum(_words(part) for part in parts) if isinstance(parts, tuple) else 8 + 2 * getattr(parts, "ndim", 0)
 
 
 def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]:
@@ -442,7 +493,7 @@ def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]
     from numba.core import compiler
 
     real, void = numba.types.CPointer(numba.types.float64), numba.types.void
-    found = numba.extending.register_jitable(function)
+    found = shared(function)
 
     def inner(parts, t, y, out, own):
         found(parts, t, y, out, own)  # pointers know neither length nor end, but take an index
@@ -606,7 +657,7 @@ class Callbacks:
     def entry(self, function: Callable[[float, Any], Any], states: int, results: int) -> Any:
         """An `Entry`; where nothing is compiled, a plain function."""
         if not jit():
-            return partial(_filled, function)
+            return partial(filled, function)
         import numpy as np
 
         seen: dict[tuple[int, int], Any] = {}
@@ -629,7 +680,8 @@ class Callbacks:
         return Entry(ctypes.cast(made, ctypes.c_void_p).value or 0, 0)
 
 
-def _filled(function: Callable[[float, Any], Any], t: float, y: Any, out: Any, own: Any) -> None:
+def filled(function: Callable[[float, Any], Any], t: float, y: Any, out: Any, own: Any) -> None:
+    """A function (t, y) -> array as something that `call` can call."""
     out[:] = function(t, y)
 
 

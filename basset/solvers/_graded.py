@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
-from basset._compile import is_compiled, rate_function
+from basset._compile import Callbacks, c_function, filled, invoke, is_compiled
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.solvers import _march, _sliding
-from basset.solvers.base import REST, Piece, SolverError, Stretch, Task, Trace, fire, first_crossing, stretches
+from basset.solvers import _march, _sliding, events
+from basset.solvers.base import Event, Piece, SolverError, Stretch, Task, Trace, returned, stretches
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -184,14 +184,12 @@ class Approach(Stretch):
 
 def integrate(method: Collocation, task: Task, trace: Trace) -> None:
     """March through the time span, with sums for lags as short as it takes."""
-    events = [replace(event) for event in task.events]
     for depth in range(len(DEPTHS)):
         try:
             return Integration(method, task, trace, depth).run()
         except TooFastError:
             trace.times[1:], trace.states[1:], trace.pieces[:], trace.steps = [], [], [], 0
-            task.events[:] = [replace(event, times=[], states=[]) for event in events]
-            task.hold()
+            task.release()
 
 
 class Integration:
@@ -221,7 +219,7 @@ class Integration:
         between = stages.between
         regular, singular = stages.regular.coefficients, stages.singular.coefficients[:, 1:]
         constants = (stages.singular.values(between)[:, 1:], stages.singular.slopes(between)[:, 1:], stages.regular.values(np.zeros(1))[0])
-        arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants)
+        arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants, stages.regular._integrals)
         self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
         n, m = len(task.y0), int(active.sum())
         numbers = np.zeros(15)
@@ -245,6 +243,20 @@ class Integration:
         shapes += [(count, terms), (count, count), (count,)]
         self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
         self.state = self.state._replace(past=np.zeros((m, terms)))
+        self.events = events.events_of(task.events, n, 2 * count + 2)
+        self.cut = _march.Cut(*gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
+        self.room = _march.room(count, n)
+        self.values, self.record, self.signal = np.zeros((count, n)), self._record(64), np.zeros((1, 1))
+        self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
+
+    def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
+        """What the march calls, beside what it is about."""
+        task, problem, state = self.task, self.problem, self.state
+        weights, rates = (np.array(self.tail.weights), np.array(self.tail.rates)) if self.tail is not None else (np.empty(0), np.empty(0))
+        return events.Motion(
+            fun, events.entries(functions), events.entries(jumps), np.zeros(1), problem.where, task.coefficient[self.active], problem.strength,
+            weights, rates, state.past, state.jump, state.numbers, task.held, problem.first, problem.last, problem.span, np.zeros((8, len(state.y))),
+        )  # fmt: skip
 
     def _sum(self, near: float) -> ExponentialSum:
         """The kernel's sum, to a tenth of rtol or the best there is."""
@@ -274,46 +286,148 @@ class Integration:
 
     def run(self) -> None:
         """March to the end, or to what stops before."""
-        task, values = self.task, np.zeros((self.count, len(self.task.y0)))
-        fun: Any = task.rate
-        attempt, march = _march.attempt, _march.march
+        task = self.task
+        n, calls = len(task.y0), Callbacks()
         with ExitStack() as stack:
+
+            def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
+                if not is_compiled(function):
+                    return calls.entry(checked, n, results)
+                return stack.enter_context(c_function(function, task.args, n, number))
+
             if is_compiled(task.function):
                 task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
                 stack.callback(self._count)
-                fun = stack.enter_context(rate_function(task.function, task.args, len(task.y0)))
-                attempt, march = _march.attempt_compiled, _march.march_compiled
-            while True:
-                if task.held or self.surfaces:  # compiled code knows neither rest nor sliding
-                    calls = float(self.state.numbers[_march.CALLS])
-                    code = _march.attempt(self._rate, self.problem, self.nodes, self.tables, self.state, values)
-                    self.state.numbers[_march.CALLS] = calls  # the task has counted
-                elif task.events:
-                    code = attempt(fun, self.problem, self.nodes, self.tables, self.state, values)
-                else:
-                    record = self._record(64)
-                    code, done = march(fun, self.problem, self.nodes, self.tables, self.state, values, record)
-                    self._keep(record, done)
-                if code == _march.TABLE:
-                    self._fill()
-                elif code == _march.ACCEPTED:
-                    if self._pass(values):
-                        return
-                elif code == _march.END:
-                    if not self._turn():
-                        return
-                elif code == _march.SUSPECT:
-                    self._look()
-                elif code == _march.TOO_SMALL and (self._look() or self._sticks()):
-                    continue
-                elif code == _march.TOO_SMALL and self._fades():
+            functions = [self._checked(event, entry(event.function, event.value, 1, True)) for event in task.events]
+            jumps = [entry(event.jump, event.after, n) for event in task.events]
+            self.free = self._motion(entry(task.function, task.free, n), functions, jumps)
+            self.sliding = self._motion(calls.entry(self._rate, n, n), [], [])
+            self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
+            while self._advance(calls):
+                pass
+
+    def _advance(self, calls: Callbacks) -> bool:
+        """March on until something has to be done, and do it; False at the end."""
+        if self.bound is None:
+            self.bound = self._bind()
+        code, done = self._along() if self.surfaces else _march.march(*self.bound)
+        self._keep(done)
+        if calls.raised is not None:
+            raise calls.raised
+        if code == _march.TABLE:
+            self._fill()
+        elif code == _march.END:
+            return self._turn()
+        elif code in (_march.STOPPED, _march.LYING):
+            self.trace.status = 1 if code == _march.STOPPED else 2
+            return False
+        elif code == _march.SUSPECT:
+            self._look()
+        elif code == _march.TOO_SMALL:
+            if not (self._look() or self._sticks()):
+                if self._fades():
                     raise TooFastError
-                elif code != _march.FULL:
-                    raise SolverError(self._reason(code))
+                raise SolverError(self._reason(code))
+        elif code != _march.FULL:
+            raise SolverError(self._reason(code))
+        return True
+
+    def _bind(self) -> tuple[Any, ...]:
+        """The arguments of the march for the running stretch."""
+        problem, found = self.problem, self.events
+        m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
+        common = problem, self.nodes
+        attempt, first = _march.attempt_entry(_march.Attempt(m, *common, self.tables, self.state, self.values, self.room))
+        watch, second = attempt, None
+        watching = bool(self.task.events) and not self.surfaces
+        if watching:
+            watch, second = _march.watch_entry(_march.Watch(m, found, *common, self.cut, self.state, self.values, self.room, self.record))
+        self.kept = first, second
+        most = len(found.log_times) // 2
+        return attempt, watch, watching, *common, self.tables, self.state, self.values, found.logged, most, self.record, self.signal
+
+    def _along(self) -> tuple[int, int]:
+        """One step along the surfaces, up to where the state leaves one; as `_march.march`."""
+        assert self.bound is not None
+        state, numbers, found, record = self.state, self.state.numbers, self.events, self.record
+        m = self.plain._replace(first=self.problem.first, last=self.problem.last)
+        calls = float(numbers[_march.CALLS])  # the task counts by itself
+        invoke(self.bound[0], 0.0, self.signal[0], self.signal[0], self.signal[0])
+        code, done = int(self.signal[0, 0]), 0
+        if code == _march.ACCEPTED:
+            code, h, kind, start = _march.FULL, float(numbers[_march.STEP]), int(numbers[_march.SINGULAR]), float(numbers[_march.TIME])
+            share, surface = self._leaves(self._piece(start, h, bool(kind), state.y.copy(), self.values.copy()))
+            if surface is not None and h * share <= 4.0 * math.ulp(start):
+                self._leave(surface)
+                return code, 0
+            _march.fit_polynomial(self.nodes, kind, h, self.values, self.room.polynomial)
+            theta, done = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.room.polynomial), share), 1
+            if theta > 1.0 and surface is None:
+                _march.accept(self.problem, self.nodes, self.tables, state, self.values, record, 0)
+                record.share[0], record.leapt[0] = 1.0, 0.0
+            else:
+                if theta > 1.0:
+                    found.count[0], theta = 0, share
+                status = _march.to_event(m, found, self.problem, self.nodes, self.cut, state, self.values, self.room, record, 0, theta)
+                code = {events.PASSED: _march.FULL, events.TERMINAL: _march.STOPPED, events.RESTING: _march.LYING}[status]
+                if record.leapt[0]:
+                    t = float(numbers[_march.TIME])
+                    self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self.task.rate, t, state.y)])
+                    numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
+                elif surface is not None:
+                    self._leave(surface)
+        numbers[_march.CALLS] = calls
+        return code, done
 
     def _count(self) -> None:
         """Add what compiled code has evaluated."""
         self.task.nfev += int(self.state.numbers[_march.CALLS])
+
+    def _set_surfaces(self, surfaces: list[_sliding.Surface]) -> None:
+        """The state slides along these from here."""
+        self.surfaces, self.bound = surfaces, None
+
+    def _checked(self, event: Event, entry: Any) -> Any:
+        """The entry of an event function, which with its jump gives what it should: compiled code does not look."""
+        task = self.task
+        if is_compiled(event.function):
+            event.value(task.start, task.y0)
+        if event.jump is not None and is_compiled(event.jump):
+            n = len(task.y0)
+            returned(f"jump of event {event.index} must return {n} states", event.jump(task.start, task.y0.copy(), *event.args), n)
+        return entry
+
+    def _along(self, compiled: events.Motion, m: events.Motion, record: _march.Record) -> tuple[int, int]:
+        """One step along the surfaces, up to where the state leaves one; as `_march.march`."""
+        state, numbers, found = self.state, self.state.numbers, self.events
+        calls = float(numbers[_march.CALLS])
+        code = _march.attempt(compiled, self.problem, self.nodes, self.tables, state, self.values, self.room)
+        if code == _march.ACCEPTED:
+            h, kind = float(numbers[_march.STEP]), int(numbers[_march.SINGULAR])
+            start = float(numbers[_march.TIME])
+            share, surface = self._leaves(self._piece(start, h, bool(kind), state.y.copy(), self.values.copy()))
+            if surface is not None and h * share <= 4.0 * math.ulp(start):
+                self._leave(surface)
+                return _march.FULL, 0
+            _march.fit_polynomial(self.nodes, kind, h, self.values, self.room.polynomial)
+            theta = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.room.polynomial), share)
+            if theta > 1.0 and surface is None:
+                _march.accept(self.problem, self.nodes, self.tables, state, self.values, record, 0)
+                record.share[0], record.leapt[0] = 1.0, 0.0
+                return _march.FULL, 1
+            if theta > 1.0:
+                found.count[0], theta = 0, share
+            status = _march.to_event(m, found, self.problem, self.nodes, self.cut, state, self.values, self.room, record, 0, theta)
+            if record.leapt[0]:
+                t = float(numbers[_march.TIME])
+                self.surfaces = [] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self.task.rate, t, state.y)]
+                numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
+            elif surface is not None:
+                self._leave(surface)
+            numbers[_march.CALLS] = calls  # the task has counted
+            return {events.PASSED: _march.FULL, events.TERMINAL: _march.STOPPED, events.RESTING: _march.LYING}[status], 1
+        numbers[_march.CALLS] = calls
+        return code, 0
 
     def _rate(self, t: float, y: Floats) -> Floats:
         """The rate without history, on a surface that the state slides along a mean of both sides."""
@@ -338,7 +452,7 @@ class Integration:
         if not self.stretches:
             return False
         numbers, stretch = self.state.numbers, self.stretches[0]
-        self.problem = self.problem._replace(end=stretch.end, first=stretch.first, last=stretch.last)
+        self.problem, self.bound = self.problem._replace(end=stretch.end, first=stretch.first, last=stretch.last), None
         if self.approaching:
             self.approaching = False
             numbers[_march.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
@@ -383,14 +497,14 @@ class Integration:
             return False
         self._chatter(t)
         state.y[:] += found[0] * surface.half
-        self.surfaces.append(surface)
+        self._set_surfaces([*self.surfaces, surface])
         self._begin(0.5 * (self.stretches[0].end - t))
         return True
 
     def _sticks(self) -> bool:
         """Slide from here if fun throws the state from one side of a surface to the other and back."""
         t, memory = float(self.state.numbers[_march.TIME]), np.zeros(len(self.state.y))
-        memory[self.task.memory] = self.task.felt * self._memory(t)
+        memory[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, self.task.coefficient) * self._memory(t)
         try:
             jump = _sliding.swings(lambda time, y: self._rate(time, y) - memory, t, self.state.y, 2.0 * self.problem.floor)
             return jump is not None and self._slide(jump)
@@ -425,7 +539,7 @@ class Integration:
 
     def _look(self) -> bool:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
-        state, numbers, task, problem = self.state, self.state.numbers, self.task, self.problem
+        state, numbers, problem = self.state, self.state.numbers, self.problem
         t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
         self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
         if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
@@ -483,7 +597,7 @@ class Integration:
             self.beyond, self.contact = behind, after - before if back else None
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]
-        self.problem = problem._replace(end=stretch.end, last=stretch.last)
+        self.problem, self.bound = problem._replace(end=stretch.end, last=stretch.last), None
         numbers[_march.STEP] = max(float(numbers[_march.STEP]), 0.5 * float(numbers[_march.TRIED]))
         return True
 
@@ -491,25 +605,39 @@ class Integration:
         numbers, t = self.state.numbers, self.state.numbers[_march.TIME]
         if code == _march.TOO_MANY:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
+        if code == _march.TROUBLE and self.events.trouble[0] != events.FUN_FAILED:
+            what = "event" if self.events.trouble[0] == events.EVENT_FAILED else "jump of event"
+            return f"{what} {self.events.trouble[1]} was not finite at t = {self.events.trouble_at[0]:.6g}"
+        if code == _march.TROUBLE:
+            return f"fun was not finite in component {self.events.trouble[1]} at t = {self.events.trouble_at[0]:.6g}"
         if code == _march.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
-        if self.surfaces or self.found and self.found[-1] > t - 1e-6 * self.problem.span:
+        if self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
     def _record(self, steps: int) -> _march.Record:
         n = len(self.state.y)
-        return _march.Record(np.zeros(steps), np.zeros(steps), np.zeros(steps), np.zeros((steps, n)), np.zeros((steps, self.count, n)))
+        shapes: list[Any] = [steps, steps, steps, steps, (steps, n), (steps, self.count, n), steps, (steps, n), (steps, n)]
+        return _march.Record(*(np.zeros(shape) for shape in shapes))
 
-    def _keep(self, record: _march.Record, done: int) -> None:
-        """Append recorded steps to the trace."""
-        ends = np.append(record.start[1:done], self.state.numbers[_march.TIME])
-        after = [*record.y[1:done], self.state.y.copy()]
+    def _keep(self, done: int) -> None:
+        """Append recorded steps and events to the trace."""
+        trace, record = self.trace, self.record
+        ends = [*record.start[1:done].tolist(), float(self.state.numbers[_march.TIME])]
+        after = [*record.y[1:done].copy(), self.state.y.copy()]
         for k in range(done):
-            self.trace.pieces.append(self._piece(record.start[k], record.size[k], bool(record.kind[k]), record.y[k], record.values[k]))
-            self.trace.times.append(float(ends[k]))
-            self.trace.states.append(after[k])
-        self.trace.steps += done
+            share, leapt = float(record.share[k]), bool(record.leapt[k])
+            if share > 0.0:  # else a contact that left no flight
+                piece = self._piece(float(record.start[k]), float(record.size[k]), bool(record.kind[k]), record.y[k].copy(), record.values[k].copy())
+                trace.pieces.append(piece if share == 1.0 else _shortened(piece, share))
+                trace.times.append(ends[k])
+                trace.states.append(record.before[k].copy() if leapt else after[k])
+            if leapt:
+                trace.times.append(ends[k])
+                trace.states.append(record.after[k].copy())
+        trace.steps += done
+        events.take_log(self.events, self.task.events)
 
     def _piece(self, start: float, h: float, singular: bool, y: Floats, values: Floats) -> Piece:
         stages = self.stages
@@ -517,53 +645,9 @@ class Integration:
             return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values)
         return Piece(start, h, lambda theta: y + h * (stages.regular.integrals(theta) @ values))
 
-    def _pass(self, values: Floats) -> bool:
-        """Take the step that was found, up to its first event; whether the integration ends there."""
-        state, numbers, task = self.state, self.state.numbers, self.task
-        h, singular = float(numbers[_march.STEP]), bool(numbers[_march.SINGULAR])
-        piece = self._piece(float(numbers[_march.TIME]), h, singular, state.y.copy(), values.copy())
-        share, surface = self._leaves(piece)
-        if surface is not None and h * share <= 4.0 * math.ulp(piece.start):
-            self._leave(surface)
-            return False
-        cut, events = first_crossing(task.events, piece if surface is None else _shortened(piece, share), 2 * self.count + 2, 2 if singular else 1)
-        theta = min(cut, 1.0) * share
-        self.trace.steps += 1
-        numbers[_march.STEPS] += 1.0
-        self._advance(piece, theta, singular, values)
-        if surface is not None and not events:
-            self._leave(surface)
-            return False
-        if not events:
-            if singular:
-                numbers[_march.FIRST] = h
-            numbers[_march.STEP] = _march.next_step(self.problem, numbers, h, self.count)
-            numbers[_march.SINGULAR], numbers[_march.SMOOTH] = 0.0, 1.0
-            state.rate[:] = self.nodes.slope[-1] @ values / h if singular else values[-1]
-            return False
-        numbers[_march.SMOOTH] = 0.0
-        if singular:
-            numbers[_march.FIRST] = h
-        t, before = float(numbers[_march.TIME]), state.y.copy()
-        after, stop = fire(task, self.trace, events, t, before, REST * self.problem.span, self._memory)
-        if any(event.jump is not None for event in events):
-            if self.remembers:
-                state.jump[:] += (after - before)[self.problem.where]  # to what has not been felt yet, without a flight
-                self.problem.strength[:] = task.felt[self.active]
-            state.y[:] = after
-            numbers[_march.KNOWN] = 0.0
-            self.trace.times.append(t)
-            self.trace.states.append(after.copy())
-            flight = t - numbers[_march.JUMPED]
-            numbers[_march.JUMPED] = t
-            numbers[_march.STEP] = min(numbers[_march.FIRST], 0.5 * flight) if flight > 0.0 else numbers[_march.FIRST]
-            self.surfaces = [] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(task.rate, t, after)]
-            numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
-        return stop
-
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface."""
-        self.surfaces.remove(surface)
+        self._set_surfaces([other for other in self.surfaces if other is not surface])
         self._begin(0.5 * (self.stretches[0].end - float(self.state.numbers[_march.TIME])))
 
     def _memory(self, t: float) -> Floats:
@@ -573,30 +657,3 @@ class Integration:
             lag = t - float(self.state.numbers[_march.TIME])
             result[self.active] = (self.state.past + self.state.jump[:, None]) @ (self.tail.weights * np.exp(-self.tail.rates * lag))
         return result
-
-    def _advance(self, piece: Piece, theta: float, singular: bool, values: Floats) -> None:
-        """Move to θ of the step: memory, state and trace."""
-        state, numbers, h = self.state, self.state.numbers, piece.length
-        if self.tail is not None and theta > 0.0:
-            if singular:
-                state.past[...] += state.jump[:, None]
-                state.jump[:] = 0.0
-            if theta == 1.0:
-                slot = int(numbers[_march.SLOT])
-                decay, gained = self.tables.decay[slot], self.tables.moments[slot, int(singular)].T
-            else:
-                decay = np.exp(-self.tail.rates * h * theta)
-                gained = moments(self.stages, self.tail.rates, h, theta, singular)
-            state.past[...] = decay * state.past + (gained @ values[:, self.problem.where]).T
-        state.y[:] = piece.values(np.array([theta]))[0]
-        end = piece.start + h * theta
-        if theta == 1.0 and abs(self.problem.end - end) <= 1e-12 * h + 1e-15 * abs(self.problem.end):
-            end = self.problem.end
-        numbers[_march.TIME] = end
-        if theta == 0.0:  # a contact that left no flight
-            return
-        if theta < 1.0:
-            piece = _shortened(piece, theta)
-        self.trace.pieces.append(piece)
-        self.trace.times.append(end)
-        self.trace.states.append(state.y.copy())

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, shared
+from basset._compile import call, compiled, entry, separate, shared
 from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers import events
@@ -88,7 +88,7 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and the state after it."""
+    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and the states before and after it."""
 
     start: Floats
     size: Floats
@@ -97,276 +97,278 @@ class Record(NamedTuple):
     y: Floats
     values: Floats
     leapt: Floats
+    before: Floats
     after: Floats
 
 
-def _make_assemble(digest: str) -> Callable[..., Any]:
-    def assemble(problem, nodes, tables, state, h, slot, kind):
-        """(inverse, lead, carry, force): Newton's matrix, from the unknowns to y' and to y − y_n, and c·(memory before the step)."""
-        digest  # noqa: B018 - part of the cache key
-        count, n, m = len(nodes.c), len(state.y), len(problem.where)
-        lead, carry = np.zeros((count, count)), np.zeros((count, count))
-        for i in range(count):
+@separate
+def factor(matrix, order):
+    """LU factors of a square matrix with row exchanges, in place (Golub & Van Loan 2013, algorithm 3.4.1)."""
+    size = len(order)
+    for i in range(size):
+        best = i
+        for k in range(i + 1, size):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        order[i] = best
+        if best != i:
+            for k in range(size):
+                matrix[i, k], matrix[best, k] = matrix[best, k], matrix[i, k]
+        scale = 1.0 / matrix[i, i]
+        for row in range(i + 1, size):
+            share = matrix[row, i] * scale
+            matrix[row, i] = share
+            if share != 0.0:
+                for k in range(i + 1, size):
+                    matrix[row, k] -= share * matrix[i, k]
+
+
+@separate
+def substitute(matrix, order, vector):
+    """The solution for a right-hand side, in place, from the factors."""
+    size = len(order)
+    for i in range(size):
+        vector[i], vector[order[i]] = vector[order[i]], vector[i]
+    for i in range(size):
+        total = vector[i]
+        for k in range(i):
+            total -= matrix[i, k] * vector[k]
+        vector[i] = total
+    for i in range(size - 1, -1, -1):
+        total = vector[i]
+        for k in range(i + 1, size):
+            total -= matrix[i, k] * vector[k]
+        vector[i] = total / matrix[i, i]
+
+
+@separate
+def assemble(problem, nodes, tables, state, h, slot, kind, work):
+    """Newton's matrix, factored, the maps from the unknowns to y' and to y − y_n, and c·(memory before the step), into `work`."""
+    count, n, m = len(nodes.c), len(state.y), len(problem.where)
+    lead, carry, matrix, force = work.lead, work.carry, work.matrix, work.force
+    for i in range(count):
+        for k in range(count):
             if kind == 1:
-                carry[i, i] = 1.0
-                lead[i] = nodes.slope[i] / h
+                carry[i, k] = 1.0 if i == k else 0.0
+                lead[i, k] = nodes.slope[i, k] / h
             else:
-                lead[i, i] = 1.0
-                carry[i] = h * nodes.integral[i]
-        matrix = np.zeros((count * n, count * n))
-        for i in range(count):
-            for k in range(count):
-                for a in range(n):
-                    for b in range(n):
-                        matrix[i * n + a, k * n + b] = -carry[i, k] * state.jacobian[a, b]
-                    matrix[i * n + a, k * n + a] += lead[i, k]
-                for a in range(m):
-                    place = problem.where[a]
-                    matrix[i * n + place, k * n + place] += problem.strength[a] * tables.local[slot, kind, i, k]
-        force = np.zeros((count, n))
-        for i in range(count):
+                lead[i, k] = 1.0 if i == k else 0.0
+                carry[i, k] = h * nodes.integral[i, k]
+    for i in range(count):
+        for k in range(count):
+            for a in range(n):
+                for b in range(n):
+                    matrix[i * n + a, k * n + b] = -carry[i, k] * state.jacobian[a, b]
+                matrix[i * n + a, k * n + a] += lead[i, k]
             for a in range(m):
-                memory = dot(tables.past[slot, kind, i], 0, state.past[a], 0, state.past.shape[1])
-                if kind == 1:
-                    memory += tables.kernel[slot, i] * state.jump[a]
-                force[i, problem.where[a]] = problem.strength[a] * memory
-        return np.linalg.inv(matrix), lead, carry, force
-
-    return assemble
-
-
-assemble = compiled(_make_assemble)
-
-
-def _make_correct(digest: str) -> Callable[..., Any]:
-    def correct(problem, local, state, inverse, lead, carry, force, rates, states, unknown):
-        """One Newton correction of `unknown` and `states`, in place: (its size, rounding) over the tolerance."""
-        digest  # noqa: B018 - part of the cache key
-        count, n = states.shape
-        residual = force - rates
-        for i in range(count):
-            for k in range(count):
-                for a in range(n):
-                    residual[i, a] += lead[i, k] * unknown[k, a]
-                for a in range(len(problem.where)):
-                    residual[i, problem.where[a]] += problem.strength[a] * local[i, k] * unknown[k, problem.where[a]]
-        unknown -= np.dot(inverse, residual.reshape(count * n)).reshape((count, n))
-        size, floor = 0.0, 0.0
-        for i in range(count):
-            for a in range(n):
-                value = state.y[a]
-                for k in range(count):
-                    value += carry[i, k] * unknown[k, a]
-                scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(value))
-                change = abs(value - states[i, a]) / scale
-                if not change <= size:  # also for NaN
-                    size = change
-                floor = max(floor, 4e-16 * abs(value) / scale)
-                states[i, a] = value
-        return size, floor
-
-    return correct
-
-
-correct = compiled(_make_correct)
-
-
-def _make_decay(digest: str) -> Callable[..., Any]:
-    def decay_error(problem, nodes, state, h, values):
-        """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
-        digest  # noqa: B018 - part of the cache key
-        count, n = values.shape
-        worst, atol, rtol = 0.0, problem.atol, problem.rtol
-        # arrays out of the tuples once: each look costs two reference counts
-        y, rate, regular, weights, at_start = state.y, state.rate, nodes.regular, nodes.integral[count - 1], nodes.at_start
-        smooth, first = state.numbers[SMOOTH] == 1.0, nodes.c[0]
+                place = problem.where[a]
+                matrix[i * n + place, k * n + place] += problem.strength[a] * tables.local[slot, kind, i, k]
+    factor(matrix, work.order)
+    for i in range(count):
         for a in range(n):
-            end, oldest, older, before, last = 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(count):
-                end += weights[i] * values[i, a]
-                coefficient = 0.0
-                for k in range(count):
-                    coefficient += regular[i, k] * values[k, a]
-                oldest, older, before, last = older, before, last, h * abs(coefficient)
-            end = y[a] + h * end
-            # parity may hide one coefficient: from three stages on compare pairs
-            decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
-            tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
-            if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
-                kink = -rate[a]
-                for k in range(count):
-                    kink += at_start[k] * values[k, a]
-                tail = max(tail, h * first * abs(kink))
-            error = tail / (atol + rtol * max(abs(y[a]), abs(end)))
-            if not error <= worst:
-                worst = error
-        return worst
-
-    return decay_error
-
-
-decay_error = compiled(_make_decay, allocates=False)
-
-
-def _make_between(digest: str) -> Callable[..., Any]:
-    def states_between(nodes, state, values, states):
-        """States of a singular step halfway between its nodes in σ, where its defect is largest, into `states` (place, n)."""
-        digest  # noqa: B018 - part of the cache key
-        y, basis = state.y, nodes.between_values
-        for i in range(len(values)):
-            for a in range(len(y)):
-                states[i, a] = y[a]
-                for k in range(len(values)):
-                    states[i, a] += basis[i, k] * values[k, a]
-
-    return states_between
-
-
-states_between = compiled(_make_between, allocates=False)
-
-
-def _make_defect(digest: str) -> Callable[..., Any]:
-    def defect_error(problem, nodes, tables, state, h, slot, values, rates):
-        """∫ |y' − fun + c·H| over a singular step, over the tolerance; `rates` are used up."""
-        digest  # noqa: B018 - part of the cache key
-        count, n = values.shape
-        where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
-        kernel, local, before, slopes, y = tables.between_kernel[slot], tables.between_local[slot], tables.between_past[slot], nodes.between_slopes, state.y
-        for i in range(count):
-            for a in range(n):
-                slope = 0.0
-                for k in range(count):
-                    slope += slopes[i, k] * values[k, a]
-                rates[i, a] = slope / (2.0 * h * places[i]) - rates[i, a]
-            for a in range(len(where)):
-                memory = kernel[i] * jump[a] + dot(before[i], 0, past[a], 0, past.shape[1])
-                for k in range(count):
-                    memory += local[i, k] * values[k, where[a]]
-                rates[i, where[a]] += strength[a] * memory
-        worst = 0.0
-        for a in range(n):
-            total = 0.0
-            for i in range(count):
-                total += 2.0 * h * places[i] * width[i] * abs(rates[i, a])
-            error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
-            if not error <= worst:
-                worst = error
-        return worst
-
-    return defect_error
-
-
-defect_error = compiled(_make_defect, allocates=False)
-
-
-def _make_choose(digest: str) -> Callable[..., Any]:
-    def choose(problem, tables, state):
-        """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
-        digest  # noqa: B018 - part of the cache key
-        numbers, odd = state.numbers, len(tables.sizes) - 1
-        left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
-        if left <= 0.0:
-            return END
-        slot = odd
-        if h >= left * (1.0 - 1e-12):
-            h = left
-        else:
-            slot = math.ceil(LADDER * math.log2(problem.span / h) - 1e-9)
-            h = min(problem.span * 2.0 ** (-slot / LADDER), left)
-            if 0.0 < left - h < 0.05 * h:  # no sliver at the end
-                h, slot = (left if left <= problem.limit else 0.5 * left), odd
-        if (h < problem.floor and left > problem.floor) or slot > odd:
-            return TOO_SMALL
-        numbers[STEP], numbers[SLOT] = h, slot
-        return ACCEPTED if tables.sizes[slot, int(numbers[SINGULAR])] == h else TABLE
-
-    return choose
-
-
-choose = compiled(_make_choose, allocates=False)
-
-
-def _make_next_step(digest: str) -> Callable[..., Any]:
-    def next_step(problem, numbers, h, count):
-        """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
-        digest  # noqa: B018 - part of the cache key
-        size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
-        since = numbers[TIME] - numbers[JUMPED]
-        return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
-
-    return next_step
-
-
-next_step = compiled(_make_next_step, allocates=False)
-
-
-def _make_accept(digest: str) -> Callable[..., Any]:
-    def accept(problem, nodes, tables, state, values, record, done):
-        """Take the step that was found: record it, move state and memory, choose the next size."""
-        digest  # noqa: B018 - part of the cache key
-        numbers, count, n = state.numbers, len(values), len(state.y)
-        h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
-        record.start[done], record.size[done], record.kind[done] = numbers[TIME], h, kind
-        start, nodal = record.y, record.values  # copied by hand: array assignment allocates
-        for a in range(n):
-            start[done, a] = state.y[a]
-            for k in range(count):
-                nodal[done, k, a] = values[k, a]
-        where, memory, jumps, moments, decay = problem.where, state.past, state.jump, tables.moments, tables.decay[slot]
-        for a in range(len(where)):
-            past, jump, place = memory[a], 0.0, where[a]
+            force[i, a] = 0.0
+        for a in range(m):
+            memory = dot(tables.past[slot, kind, i], 0, state.past[a], 0, state.past.shape[1])
             if kind == 1:
-                jump, jumps[a] = jumps[a], 0.0
-            for q in range(len(past)):
-                past[q] = decay[q] * (past[q] + jump)
-            for k in range(count):
-                gained, value = moments[slot, kind, k], values[k, place]
-                for q in range(len(past)):
-                    past[q] += gained[q] * value
-        y, rate, weights, slope = state.y, state.rate, nodes.integral[count - 1], nodes.slope[count - 1]
-        for a in range(n):
-            rate[a] = values[count - 1, a]
-            if kind == 1:
-                y[a] += values[count - 1, a]
-                rate[a] = 0.0
-                for k in range(count):
-                    rate[a] += slope[k] * values[k, a] / h
-            else:
-                gain = 0.0
-                for k in range(count):
-                    gain += weights[k] * values[k, a]
-                y[a] += h * gain
-        if kind == 1:
-            numbers[FIRST] = h
-        numbers[TIME] += h
-        if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(numbers[TIME]):  # an end may be infinite
-            numbers[TIME] = problem.end
-        numbers[STEPS] += 1.0
-        numbers[STEP] = next_step(problem, numbers, h, count)
-        numbers[SINGULAR], numbers[SMOOTH] = 0.0, 1.0
-
-    return accept
-
-
-accept = compiled(_make_accept, allocates=False)
+                memory += tables.kernel[slot, i] * state.jump[a]
+            force[i, problem.where[a]] = problem.strength[a] * memory
 
 
 @shared
-def evaluate(m, state, times, states, rates):
+def correct(problem, local, state, work, unknown):
+    """One Newton correction of `unknown` and the states, in place: (its size, rounding) over the tolerance."""
+    states, rates, residual, lead, carry, force = work.states, work.rates, work.residual, work.lead, work.carry, work.force
+    count, n = states.shape
+    for i in range(count):
+        for a in range(n):
+            total = force[i, a] - rates[i, a]
+            for k in range(count):
+                total += lead[i, k] * unknown[k, a]
+            residual[i * n + a] = total
+        for a in range(len(problem.where)):
+            place, total = problem.where[a], 0.0
+            for k in range(count):
+                total += local[i, k] * unknown[k, place]
+            residual[i * n + place] += problem.strength[a] * total
+    substitute(work.matrix, work.order, residual)
+    for i in range(count):
+        for a in range(n):
+            unknown[i, a] -= residual[i * n + a]
+    size, floor = 0.0, 0.0
+    for i in range(count):
+        for a in range(n):
+            value = state.y[a]
+            for k in range(count):
+                value += carry[i, k] * unknown[k, a]
+            scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(value))
+            change = abs(value - states[i, a]) / scale
+            if not change <= size:  # also for NaN
+                size = change
+            floor = max(floor, 4e-16 * abs(value) / scale)
+            states[i, a] = value
+    return size, floor
+
+
+@separate
+def decay_error(problem, nodes, state, h, values):
+    """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
+    count, n = values.shape
+    worst, atol, rtol = 0.0, problem.atol, problem.rtol
+    # arrays out of the tuples once: each look costs two reference counts
+    y, rate, regular, weights, at_start = state.y, state.rate, nodes.regular, nodes.integral[count - 1], nodes.at_start
+    smooth, first = state.numbers[SMOOTH] == 1.0, nodes.c[0]
+    for a in range(n):
+        end, oldest, older, before, last = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(count):
+            end += weights[i] * values[i, a]
+            coefficient = 0.0
+            for k in range(count):
+                coefficient += regular[i, k] * values[k, a]
+            oldest, older, before, last = older, before, last, h * abs(coefficient)
+        end = y[a] + h * end
+        # parity may hide one coefficient: from three stages on compare pairs
+        decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
+        tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
+        if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
+            kink = -rate[a]
+            for k in range(count):
+                kink += at_start[k] * values[k, a]
+            tail = max(tail, h * first * abs(kink))
+        error = tail / (atol + rtol * max(abs(y[a]), abs(end)))
+        if not error <= worst:
+            worst = error
+    return worst
+
+
+@shared
+def states_between(nodes, state, values, states):
+    """States of a singular step halfway between its nodes in σ, where its defect is largest, into `states` (place, n)."""
+    y, basis = state.y, nodes.between_values
+    for i in range(len(values)):
+        for a in range(len(y)):
+            states[i, a] = y[a]
+            for k in range(len(values)):
+                states[i, a] += basis[i, k] * values[k, a]
+
+
+@separate
+def defect_error(problem, nodes, tables, state, h, slot, values, rates):
+    """∫ |y' − fun + c·H| over a singular step, over the tolerance; `rates` are used up."""
+    count, n = values.shape
+    where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
+    kernel, local, before, slopes, y = tables.between_kernel[slot], tables.between_local[slot], tables.between_past[slot], nodes.between_slopes, state.y
+    for i in range(count):
+        for a in range(n):
+            slope = 0.0
+            for k in range(count):
+                slope += slopes[i, k] * values[k, a]
+            rates[i, a] = slope / (2.0 * h * places[i]) - rates[i, a]
+        for a in range(len(where)):
+            memory = kernel[i] * jump[a] + dot(before[i], 0, past[a], 0, past.shape[1])
+            for k in range(count):
+                memory += local[i, k] * values[k, where[a]]
+            rates[i, where[a]] += strength[a] * memory
+    worst = 0.0
+    for a in range(n):
+        total = 0.0
+        for i in range(count):
+            total += 2.0 * h * places[i] * width[i] * abs(rates[i, a])
+        error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
+        if not error <= worst:
+            worst = error
+    return worst
+
+
+@shared
+def choose(problem, tables, state):
+    """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
+    numbers, odd = state.numbers, len(tables.sizes) - 1
+    left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
+    if left <= 0.0:
+        return END
+    slot = odd
+    if h >= left * (1.0 - 1e-12):
+        h = left
+    else:
+        slot = math.ceil(LADDER * math.log2(problem.span / h) - 1e-9)
+        h = min(problem.span * 2.0 ** (-slot / LADDER), left)
+        if 0.0 < left - h < 0.05 * h:  # no sliver at the end
+            h, slot = (left if left <= problem.limit else 0.5 * left), odd
+    if (h < problem.floor and left > problem.floor) or slot > odd:
+        return TOO_SMALL
+    numbers[STEP], numbers[SLOT] = h, slot
+    return ACCEPTED if tables.sizes[slot, int(numbers[SINGULAR])] == h else TABLE
+
+
+@shared
+def next_step(problem, numbers, h, count):
+    """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
+    size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
+    since = numbers[TIME] - numbers[JUMPED]
+    return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
+
+
+@separate
+def accept(problem, nodes, tables, state, values, record, done):
+    """Take the step that was found: record it, move state and memory, choose the next size."""
+    numbers, count, n = state.numbers, len(values), len(state.y)
+    h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
+    record.start[done], record.size[done], record.kind[done] = numbers[TIME], h, kind
+    start, nodal = record.y, record.values  # copied by hand: array assignment allocates
+    for a in range(n):
+        start[done, a] = state.y[a]
+        for k in range(count):
+            nodal[done, k, a] = values[k, a]
+    where, memory, jumps, moments, decay = problem.where, state.past, state.jump, tables.moments, tables.decay[slot]
+    for a in range(len(where)):
+        past, jump, place = memory[a], 0.0, where[a]
+        if kind == 1:
+            jump, jumps[a] = jumps[a], 0.0
+        for q in range(len(past)):
+            past[q] = decay[q] * (past[q] + jump)
+        for k in range(count):
+            gained, value = moments[slot, kind, k], values[k, place]
+            for q in range(len(past)):
+                past[q] += gained[q] * value
+    y, rate, weights, slope = state.y, state.rate, nodes.integral[count - 1], nodes.slope[count - 1]
+    for a in range(n):
+        rate[a] = values[count - 1, a]
+        if kind == 1:
+            y[a] += values[count - 1, a]
+            rate[a] = 0.0
+            for k in range(count):
+                rate[a] += slope[k] * values[k, a] / h
+        else:
+            gain = 0.0
+            for k in range(count):
+                gain += weights[k] * values[k, a]
+            y[a] += h * gain
+    if kind == 1:
+        numbers[FIRST] = h
+    numbers[TIME] += h
+    if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(numbers[TIME]):  # an end may be infinite
+        numbers[TIME] = problem.end
+    numbers[STEPS] += 1.0
+    numbers[STEP] = next_step(problem, numbers, h, count)
+    numbers[SINGULAR], numbers[SMOOTH] = 0.0, 1.0
+
+
+@shared
+def evaluate(m, state, times, states, rates, count):
     """`fun` at every row of `states`, nothing for what is at rest; whether all is finite."""
-    for i in range(len(times)):
+    for i in range(count):
         call(m.fun, times[i], states, i, rates, i, m.own)
         for a in range(len(m.held)):
             if m.held[a]:
                 rates[i, a] = 0.0
-    return checked(state, times, rates)
+    return checked(state, times, rates, count)
 
 
 @shared
-def checked(state, times, rates):
+def checked(state, times, rates, count):
     """Count the calls; where they are not finite, note when and in which component."""
-    state.numbers[CALLS] += len(times)
-    for i in range(len(times)):
+    state.numbers[CALLS] += count
+    for i in range(count):
         for a in range(len(state.y)):
             if not math.isfinite(rates[i, a]):
                 state.numbers[WHERE], state.numbers[WHAT] = times[i], a
@@ -385,23 +387,24 @@ def steepest(problem, state, force, rates):
 
 
 @shared
-def newton(m, problem, nodes, tables, state, values, rates):
+def newton(m, problem, nodes, tables, state, values, work):
     """Solve the stages into `values`: iterations, negative if it failed, 0 if fun was not finite."""
     h, slot, kind = state.numbers[STEP], int(state.numbers[SLOT]), int(state.numbers[SINGULAR])
-    inverse, lead, carry, force = assemble(problem, nodes, tables, state, h, slot, kind)
-    times = np.minimum(np.maximum(state.numbers[TIME] + nodes.c * h, problem.first), problem.last)
-    states = np.zeros_like(values)
-    states[:] = state.y
-    values[:] = 0.0
+    count, n = values.shape
+    assemble(problem, nodes, tables, state, h, slot, kind, work)
+    for i in range(count):
+        work.times[i] = min(max(state.numbers[TIME] + nodes.c[i] * h, problem.first), problem.last)
+        for a in range(n):
+            work.states[i, a], values[i, a] = state.y[a], 0.0
     previous = math.inf
     for iteration in range(1, 11):
-        if not evaluate(m, state, times, states, rates):
+        if not evaluate(m, state, work.times, work.states, work.rates, count):
             return 0
-        size, floor = correct(problem, tables.local[slot, kind], state, inverse, lead, carry, force, rates, states, values)
+        size, floor = correct(problem, tables.local[slot, kind], state, work, values)
         if not math.isfinite(size):
             return -iteration
         if size <= max(1e-3, floor):
-            if iteration == 1 and size > floor and h * steepest(problem, state, force, rates) > 1.0:
+            if iteration == 1 and size > floor and h * steepest(problem, state, work.force, work.rates) > 1.0:
                 previous = size  # small, though y' is not: is that so, or is the Jacobian of another place?
                 continue
             if iteration == 2 and size > max(0.5 * previous, 10.0 * floor):
@@ -413,19 +416,22 @@ def newton(m, problem, nodes, tables, state, values, rates):
     return -10
 
 
-@shared
-def differentiate(m, problem, state):
+@separate
+def differentiate(m, problem, state, work):
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
-    n, t = len(state.y), min(max(state.numbers[TIME], problem.first), problem.last)
-    states, rates = np.zeros((n + 1, n)), np.zeros((n + 1, n))
+    n, times = len(state.y), work.here_times
+    states, rates = work.here, work.out
     for j in range(n + 1):
-        states[j] = state.y
+        times[j] = min(max(state.numbers[TIME], problem.first), problem.last)
+        for a in range(n):
+            states[j, a] = state.y[a]
     for j in range(n):
         states[j + 1, j] += 1.5e-8 * max(abs(state.y[j]), problem.atol + problem.rtol, 1e-8)
-    if not evaluate(m, state, np.full(n + 1, t), states, rates):
+    if not evaluate(m, state, times, states, rates, n + 1):
         return False
     for j in range(n):
-        state.jacobian[:, j] = (rates[j + 1] - rates[0]) / (states[j + 1, j] - state.y[j])
+        for a in range(n):
+            state.jacobian[a, j] = (rates[j + 1, a] - rates[0, a]) / (states[j + 1, j] - state.y[j])
     return True
 
 
@@ -444,10 +450,9 @@ def judge(problem: Problem, state: State, error: float, power: float) -> int:
 
 
 @shared
-def attempt(m, problem, nodes, tables, state, values):
+def attempt(m, problem, nodes, tables, state, values, work):
     """Find the next step that keeps the tolerance: node values into `values`, its size in numbers[STEP]; ACCEPTED or why not."""
     numbers, count = state.numbers, len(nodes.c)
-    rates = np.zeros_like(values)
     while True:
         code = choose(problem, tables, state)
         if code != ACCEPTED:
@@ -455,10 +460,10 @@ def attempt(m, problem, nodes, tables, state, values):
         iterations = -1
         for trial in range(2):
             if numbers[KNOWN] == 0.0 or trial == 1:
-                if not differentiate(m, problem, state):
+                if not differentiate(m, problem, state, work):
                     return NOT_FINITE
                 numbers[KNOWN] = 1.0
-            iterations = newton(m, problem, nodes, tables, state, values, rates)
+            iterations = newton(m, problem, nodes, tables, state, values, work)
             if abs(iterations) > 4:
                 numbers[KNOWN] = 0.0  # of another place by now
             if iterations >= 0:
@@ -468,12 +473,12 @@ def attempt(m, problem, nodes, tables, state, values):
         h, error, power = numbers[STEP], math.inf, float(count)
         if iterations > 0 and numbers[SINGULAR] == 1.0:
             power = 0.5 * (count + 1)
-            states = np.zeros_like(values)
-            states_between(nodes, state, values, states)
-            times = np.minimum(np.maximum(numbers[TIME] + h * nodes.between**2, problem.first), problem.last)
-            if not evaluate(m, state, times, states, rates):
+            states_between(nodes, state, values, work.states)
+            for i in range(count):
+                work.times[i] = min(max(numbers[TIME] + h * nodes.between[i] ** 2, problem.first), problem.last)
+            if not evaluate(m, state, work.times, work.states, work.rates, count):
                 return NOT_FINITE
-            error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, rates)
+            error = defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
         elif iterations > 0:
             error = decay_error(problem, nodes, state, h, values)
         code = judge(problem, state, error, power)
@@ -485,6 +490,26 @@ def attempt(m, problem, nodes, tables, state, values):
             if numbers[REFUSED] > 1.7:  # the size that the error asked for did not do: is fun smooth?
                 numbers[REFUSED], numbers[TRIED] = 0.0, h
                 return SUSPECT
+
+
+class Attempt(NamedTuple):
+    """What a step is found from."""
+
+    m: Any
+    problem: Any
+    nodes: Any
+    tables: Any
+    state: Any
+    values: Floats
+    room: Any
+
+
+def attempted(parts: Attempt, t: float, y: Any, out: Any, own: Any) -> None:
+    """`attempt`, its code into out[0]."""
+    out[0] = attempt(parts.m, parts.problem, parts.nodes, parts.tables, parts.state, parts.values, parts.room)
+
+
+attempt_entry = entry(attempted, "some 5 s")
 
 
 @shared
@@ -534,7 +559,7 @@ class Cut(NamedTuple):
     sums: Floats  # (stages + 1,), overwritten
 
 
-@shared
+@separate
 def cut_memory(where: Any, nodes: Nodes, rates: Floats, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
     """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
     count, members = len(nodes.c), len(where)
@@ -586,8 +611,20 @@ def cut_memory(where: Any, nodes: Nodes, rates: Floats, cut: Cut, state: State, 
 
 
 class Room(NamedTuple):
-    """Work space of a march with events: all overwritten."""
+    """Work space of a march: all overwritten."""
 
+    times: Floats  # (stage,)
+    states: Floats  # (stage, state)
+    rates: Floats  # (stage, state)
+    force: Floats  # (stage, state)
+    lead: Floats  # (stage, stage)
+    carry: Floats  # (stage, stage)
+    matrix: Floats  # (stage·state, stage·state)
+    order: Any  # (stage·state,)
+    residual: Floats  # (stage·state,)
+    here_times: Floats  # (state + 1,)
+    here: Floats  # (state + 1, state)
+    out: Floats  # (state + 1, state)
     polynomial: Floats  # (degree + 1, state)
     before: Floats  # (state,)
     after: Floats
@@ -616,6 +653,7 @@ def to_event(m, found, problem, nodes, cut, state, values, room, record, done, t
     if kind == 1:
         numbers[FIRST] = h
     events.copy(room.before, y)
+    events.copy(room.before, record.before[done])
     leaps = False
     for j in range(found.count[0]):
         leaps = leaps or found.leaps[found.fired[j]]
@@ -633,36 +671,73 @@ def to_event(m, found, problem, nodes, cut, state, values, room, record, done, t
     return status
 
 
+class Watch(NamedTuple):
+    """What events on a step are found from."""
+
+    m: Any
+    found: Any
+    problem: Any
+    nodes: Any
+    cut: Any
+    state: Any
+    values: Floats
+    room: Any
+    record: Any
+
+
+def watched(parts: Watch, t: float, y: Any, out: Any, own: Any) -> None:
+    """Into out[0]: ACCEPTED for a step without an event that cuts it; else the step is taken up to there, as number t of the record: FULL, or why to stop."""
+    m, found, state = parts.m, parts.found, parts.state
+    h, kind = state.numbers[STEP], int(state.numbers[SINGULAR])
+    fit_polynomial(parts.nodes, kind, h, parts.values, parts.room.polynomial)
+    theta = events.first_crossing(m, found, events.Step(state.numbers[TIME], h, kind, state.y, parts.room.polynomial), 1.0)
+    status = events.PASSED
+    out[0] = ACCEPTED
+    if theta <= 1.0:
+        out[0] = FULL
+        status = to_event(m, found, parts.problem, parts.nodes, parts.cut, state, parts.values, parts.room, parts.record, int(t), theta)
+    if found.trouble[0] != 0:
+        out[0] = TROUBLE
+    elif status != events.PASSED:
+        out[0] = STOPPED if status == events.TERMINAL else LYING
+
+
+watch_entry = entry(watched, "some 10 s")
+
+
 def _make_march(digest: str) -> Callable[..., Any]:
-    def march(m, found, problem, nodes, tables, cut, state, values, room, record):
-        """Take steps until something needs the caller; (code, steps recorded)."""
+    def march(attempt, watch, watching, problem, nodes, tables, state, values, logged, most, record, signal):
+        """Take steps until something needs the caller; (code, steps recorded). `signal` (1, 1) is overwritten.
+
+        `watching`: there are events, of which no more than `most` may be logged before a step.
+        """
         digest  # noqa: B018 - part of the cache key
         done = 0
-        while done < len(record.start) and 2 * found.logged[0] <= len(found.log_times):
-            code = attempt(m, problem, nodes, tables, state, values)
-            if code != ACCEPTED:
-                return code, done
-            theta = 2.0
-            if len(found.side) > 0:
-                h, kind = state.numbers[STEP], int(state.numbers[SINGULAR])
-                fit_polynomial(nodes, kind, h, values, room.polynomial)
-                theta = events.first_crossing(m, found, events.Step(state.numbers[TIME], h, kind, state.y, room.polynomial))
-                if found.trouble[0] != 0:
-                    return TROUBLE, done
-            if theta > 1.0:
+        while done < len(record.start) and logged[0] <= most:
+            call(attempt, 0.0, signal, 0, signal, 0, signal)
+            code = int(signal[0, 0])
+            if code == ACCEPTED and watching:
+                call(watch, float(done), signal, 0, signal, 0, signal)
+                code = int(signal[0, 0])
+            if code == ACCEPTED:
                 accept(problem, nodes, tables, state, values, record, done)
                 record.share[done], record.leapt[done] = 1.0, 0.0
-                done += 1
-                continue
-            status = to_event(m, found, problem, nodes, cut, state, values, room, record, done, theta)
-            if found.trouble[0] != 0:
-                return TROUBLE, done
+            elif code != FULL:
+                return code, done + (1 if code in (STOPPED, LYING) else 0)
             done += 1
-            if status != events.PASSED:
-                return (STOPPED if status == events.TERMINAL else LYING), done
         return FULL, done
 
     return march
 
 
-march = compiled(_make_march, usually="some 10 s")
+march = compiled(_make_march, allocates=False, usually="some 5 s")
+
+
+def room(stages: int, states: int) -> Room:
+    """Work space of one march."""
+    whole, n = stages * states, states
+    shapes: list[Any] = [stages, (stages, n), (stages, n), (stages, n), (stages, stages), (stages, stages), (whole, whole), whole, whole, n + 1]
+    shapes += [(n + 1, n), (n + 1, n), (stages + 1, n), n, n, n]
+    arrays = [np.zeros(shape) for shape in shapes]
+    arrays[7] = np.zeros(whole, dtype=np.int64)
+    return Room(*arrays)

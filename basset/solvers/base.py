@@ -6,7 +6,6 @@ import abc
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -18,7 +17,6 @@ from basset.evaluate import _converted
 from basset.kernels import BassetKernel, Floats, Kernel
 
 BESIDE = 4.0  # units in the last place between a break and where `fun` is asked: the user's own arithmetic may be off by some
-REST = 1e-10  # a flight shorter than this share of the time span counts as rest
 
 MESSAGES = {
     0: "The solver reached the end of the time span.",
@@ -192,7 +190,7 @@ COMPLEX = "a complex state is two real ones"
 
 @dataclass
 class Event:
-    """One event function with SciPy's attributes and `jump`."""
+    """One event function with SciPy's attributes and `jump`; when it happened, and the states before its jumps."""
 
     function: Callable[..., Any]
     args: tuple[Any, ...]
@@ -202,18 +200,9 @@ class Event:
     jump: Callable[..., Any] | None = None
     times: list[float] = field(default_factory=list)
     states: list[Floats] = field(default_factory=list)
-    side: float = 0.0  # sign of the function before the last crossing
-    fresh: bool = False  # has just happened: the function is zero there, but for `noise`
-    bounced: bool = False  # its jump did not let the state through
-    noise: float = 0.0  # what rounding of time and states is worth in the function at the last jump
-    reach: float = 0.0  # how far the function has been on its side since
-    hit: Floats | None = None  # what its jump reversed or stopped, as it came; 0 in all other components
-    pull: Callable[[float, Floats], float] | None = None  # of a body at rest: what draws it off the surface where positive
 
     def value(self, t: float, y: Floats) -> float:
-        """The event function, checked; of a body at rest what draws it off."""
-        if self.pull is not None:
-            return self.pull(t, y)
+        """The event function, checked."""
         given = self.function(t, y.copy(), *self.args)
         try:
             if isinstance(given, np.complexfloating):
@@ -226,34 +215,14 @@ class Event:
             raise SolverError(f"event {self.index} gave {result} at t = {t:.6g}")
         return result
 
-    def crosses(self, before: float, after: float) -> bool:
-        """Whether the change of sign from `before` to `after` counts."""
-        if self.pull is not None:
-            return before <= 0.0 < after
-        if before == 0.0 or ((before > 0.0) == (after > 0.0) and after != 0.0):
-            return False
-        return self.direction == 0.0 or (self.direction > 0.0) == (before < 0.0)
-
-    def cuts(self, times: int) -> bool:
-        """Whether the occurrence of that number ends the step: a jump, the last one wanted, or a body drawn off."""
-        return self.jump is not None or self.pull is not None or 0 < self.terminal <= times
-
-    def settle(self, t: float, before: Floats, after: Floats, slope: Callable[[], float]) -> None:
-        """Note what the jump has done."""
-        here = self.value(t, after)
-        self.noise, self.reach = self.rounding(t, after), 0.0
-        self.fresh = abs(here) <= CLEAR * self.noise + 2.0 * abs(self.value(t, before))
-        self.bounced = (slope() if self.fresh else here) * self.side >= 0.0
-
-    def rounding(self, t: float, y: Floats) -> float:
-        """What rounding of time and states is worth in the function there."""
-        here, share = self.value(t, y), 2.0**-26
-        total = abs(self.value(t * (1.0 + share), y) - here)
-        for i in np.flatnonzero(y):
-            moved = y.copy()
-            moved[i] *= 1.0 + share
-            total += abs(self.value(t, moved) - here)
-        return total * 2.0**-27  # half a unit in the last place of each
+    def after(self, t: float, y: Floats) -> Floats:
+        """The state after the jump, checked."""
+        assert self.jump is not None
+        after = returned(f"jump of event {self.index} must return {len(y)} states", self.jump(t, y.copy(), *self.args), len(y))
+        if not np.isfinite(after).all():
+            worst = int(np.flatnonzero(~np.isfinite(after))[0])
+            raise SolverError(f"jump of event {self.index} gave {after[worst]} in component {worst} at t = {t:.6g}")
+        return after
 
 
 @dataclass
@@ -273,11 +242,16 @@ class Task:
     max_steps: int
     breaks: Floats = field(default_factory=lambda: np.empty(0))  # rising
     nfev: int = 0
-    held: list[int] = field(default_factory=list)  # components of bodies at rest: they stay as they are
-    felt: Floats = field(init=False)  # the coefficient without those
+    held: Any = field(init=False)  # components of bodies at rest: they stay as they are
 
     def __post_init__(self) -> None:
-        self.felt = self.coefficient.copy()
+        self.release()
+
+    def release(self) -> None:
+        """Nothing is at rest, nothing has happened."""
+        self.held = np.zeros(len(self.y0), dtype=np.bool_)
+        for event in self.events:
+            event.times, event.states = [], []
 
     def free(self, t: float, y: Floats) -> Floats:
         """fun(t, y), float64 (states,), checked for shape and finiteness."""
@@ -291,14 +265,8 @@ class Task:
     def rate(self, t: float, y: Floats) -> Floats:
         """`free`, and nothing for what is at rest."""
         result = self.free(t, y)
-        if self.held:
-            result[self.held] = 0.0
+        result[self.held] = 0.0
         return result
-
-    def hold(self) -> None:
-        """Bring up to date what is at rest."""
-        self.held = sorted({int(i) for event in self.events if event.pull is not None and event.hit is not None for i in np.flatnonzero(event.hit)})
-        self.felt[:] = np.where(np.isin(self.memory, self.held), 0.0, self.coefficient)
 
 
 @dataclass(frozen=True)
@@ -354,210 +322,6 @@ class Method(abc.ABC):
     @abc.abstractmethod
     def _integrate(self, task: Task, trace: Trace) -> None:
         """Advance from task.start to task.end, appending to `trace`; raise SolverError when it cannot go on."""
-
-
-def jumped(task: Task, event: Event, t: float, y: Floats) -> Floats:
-    """The state after the event's jump, checked."""
-    assert event.jump is not None
-    after = returned(f"jump of event {event.index} must return {len(y)} states", event.jump(t, y.copy(), *event.args), len(y))
-    if not np.isfinite(after).all():
-        worst = int(np.flatnonzero(~np.isfinite(after))[0])
-        raise SolverError(f"jump of event {event.index} gave {after[worst]} in component {worst} at t = {t:.6g}")
-    return after
-
-
-CLEAR = 64.0  # so many times its rounding an event function must be from zero to be on one side
-HALVINGS = 6  # of a step, at most, until an interpolant follows an event function
-FOLLOWED = 1e-10  # to this share of its size
-
-
-@lru_cache(maxsize=16)
-def chebyshev(degree: int) -> tuple[Floats, Floats]:
-    """(points on [0, 1], rising; from values there to Chebyshev coefficients)."""
-    x = np.sin(np.pi * (np.arange(degree + 1) / degree - 0.5))
-    return 0.5 * (x + 1.0), np.linalg.inv(np.polynomial.chebyshev.chebvander(x, degree))
-
-
-def watched(event: Event, piece: Piece, degree: int, power: int) -> tuple[Floats, Floats]:
-    """(θ, values of the event function) between which it rises or falls, as far as an interpolant in θ^(1/power) can tell.
-
-    Where one of that degree does not follow it, the step is halved, and at last signs of samples must do.
-    """
-    nodes, transform = chebyshev(degree)
-    noise = -1.0
-
-    def values(theta: Floats) -> Floats:
-        return np.array([event.value(piece.start + piece.length * share, y) for share, y in zip(theta, piece.values(theta), strict=True)])
-
-    def look(low: float, high: float, halvings: int) -> tuple[Floats, Floats]:
-        nonlocal noise
-        x = low + (high - low) * nodes
-        found = values(x**power)
-        size = np.abs(coefficients := transform @ found)
-        if size[0] > 1.5 * size[1:].sum():  # far from zero
-            return x, found
-        tail = size[-2:].max()
-        if tail > FOLLOWED * size.max():
-            if noise < 0.0:
-                noise = event.rounding(piece.start, piece.values(np.zeros(1))[0])
-            if tail > CLEAR * noise:
-                if not halvings:
-                    return x, found
-                middle = 0.5 * (low + high)
-                left, right = look(low, middle, halvings - 1), look(middle, high, halvings - 1)
-                return np.append(left[0], right[0][1:]), np.append(left[1], right[1][1:])
-        slope = np.polynomial.chebyshev.chebder(coefficients[: np.flatnonzero(size > 1e-13 * size.max())[-1] + 1]) if size.any() else coefficients[:1]
-        if abs(slope[0]) > np.abs(slope[1:]).sum():
-            return x, found
-        roots = np.polynomial.chebyshev.chebroots(slope)
-        turns = np.sort(roots.real[(np.abs(roots.imag) < 1e-3) & (np.abs(roots.real) < 1.0)])
-        turns = low + (high - low) * 0.5 * (turns + 1.0)
-        places = np.append(x, turns)
-        order = np.argsort(places)
-        return places[order], np.append(found, values(turns**power))[order]
-
-    x, found = look(0.0, 1.0, HALVINGS)
-    return x**power, found
-
-
-def first_crossing(events: Sequence[Event], piece: Piece, degree: int, power: int) -> tuple[float, list[Event]]:
-    """(θ, events) of the first crossing on a piece that cuts it; (inf, []) if none does, θ = 0 if a jump left no flight.
-
-    Crossings that do not cut are recorded on the way. `degree`, `power`: see `watched`.
-    """
-    found: list[tuple[float, Event]] = []
-    begun: dict[int, float] = {}  # where an event that has just happened may happen again
-    for event in events:
-        places, signs = watched(event, piece, degree, power)
-        first, last = 0, len(places)
-        noise = event.noise + 2.0**-46 * np.abs(signs).max() if event.fresh else 0.0
-        if event.fresh and event.bounced:  # from where the flight has begun; without one it rests
-            if signs[1] * event.side <= CLEAR * noise:
-                sooner = places[1] * np.geomspace(1e-12, 0.5, 40)
-                values = [event.value(piece.start + piece.length * theta, y) for theta, y in zip(sooner, piece.values(sooner), strict=True)]
-                places, signs = np.insert(places, 1, sooner), np.insert(signs, 1, values)
-            first = next((k for k in range(1, len(places)) if signs[k] * event.side > CLEAR * noise), 0)
-            if not first:
-                return 0.0, [event]
-        elif event.fresh:  # from where it is no longer zero
-            first = next((k for k in range(1, len(places)) if abs(signs[k]) > CLEAR * noise), len(places))
-        begun[event.index] = places[first] if first < len(places) else math.inf
-        for k in range(first, len(places) - 1):
-            if event.crosses(signs[k], signs[k + 1]):
-                found.append((_root(event, piece, places[k], places[k + 1], signs[k + 1]), event))
-                if event.pull is None:
-                    event.side = math.copysign(1.0, signs[k])
-                if event.cuts(1):
-                    last = k + 1
-                    break
-        if event.bounced:
-            event.reach = max(event.reach, float((signs[first:last] * event.side).max(initial=0.0)))
-    found.sort(key=lambda entry: entry[0])
-    times = {event.index: len(event.times) for event in events}
-    cut, together = math.inf, []
-    for theta, event in found:
-        if theta > cut * (1.0 + 1e-13):
-            break
-        times[event.index] += 1
-        if event.cuts(times[event.index]):
-            cut = min(cut, theta)
-            together.append(event)
-            continue
-        t, y = piece.start + piece.length * theta, piece.values(np.array([theta]))[0]
-        event.times.append(t)
-        event.states.append(y)
-    for event in events:
-        event.fresh = event.fresh and bool(cut <= begun[event.index])
-    return cut, together
-
-
-def _root(event: Event, piece: Piece, low: float, high: float, after: float) -> float:
-    from scipy.optimize import brentq  # takes a quarter of a second to import
-
-    def value(theta: float) -> float:
-        return event.value(piece.start + piece.length * theta, piece.values(np.array([theta]))[0])
-
-    ends = value(low), value(high)
-    if after == 0.0 or ends[1] == 0.0:
-        return high
-    if (ends[0] > 0.0) == (ends[1] > 0.0):  # so close to zero that rounding decides
-        return low if abs(ends[0]) < abs(ends[1]) else high
-    return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))
-
-
-def slope(task: Task, event: Event, t: float, y: Floats) -> float:
-    """How much the event function changes within a moment; 0 where it cannot be told from rounding or is of second order."""
-    rate, here, span = task.rate(t, y), event.value(t, y), task.end - task.start
-    ahead = max(1e-8 * span, 1024.0 * math.ulp(t))
-    while ahead <= 1e-2 * span:
-        one, two, four = (event.value(t + share * ahead, y + share * ahead * rate) - here for share in (1.0, 2.0, 4.0))
-        if one != 0.0 and abs(two - 2.0 * one) <= 0.25 * abs(two) and abs(four - 2.0 * two) <= 0.25 * abs(four):
-            return one
-        ahead *= 32.0
-    return 0.0
-
-
-def fire(task: Task, trace: Trace, events: Sequence[Event], t: float, y: Floats, moment: float, memory: Callable[[float], Floats]) -> tuple[Floats, bool]:
-    """Record events at (t, y), apply their jumps in turn, let bodies rest and go: (state after, whether to stop).
-
-    `moment`: the shortest flight there is; `memory`: H of the components in memory, from t on, if nothing at rest moves.
-    """
-    resting, after = [], y
-    for event in events:
-        if event.pull is not None:  # drawn off
-            event.pull, event.fresh, event.reach = None, True, 0.0
-            continue
-        since = t - event.times[-1] if event.times else math.inf
-        event.times.append(t)
-        event.states.append(after.copy())
-        if event.jump is not None:
-            before, after = after, jumped(task, event, t, after)
-            if since > 0.0:
-                stopped = (after != before) & (after * before <= 0.0)
-                event.hit = np.where(stopped, before, 0.0)
-            if event.bounced and (since < moment or event.reach <= CLEAR * event.noise):
-                resting.append(event)
-        if 0 < event.terminal <= len(event.times):
-            trace.status = 1
-    for event in task.events:
-        if event.pull is not None and event.hit is not None and after[event.hit != 0.0].any():  # the jump of another one has set it going
-            event.pull, event.fresh, event.reach = None, True, 0.0
-    task.hold()
-    for event in events:
-        if event.jump is not None:
-            event.settle(t, y, after, partial(slope, task, event, t, after))
-    if resting and trace.status == 0:
-        still = after.copy()
-        if all(_rests(task, event, t, still, memory) for event in resting):
-            task.hold()
-            bouncing = [event for event in task.events if event.jump is not None and event.pull is None]
-            left = task.rate(t, still)
-            left[task.memory] -= task.felt * memory(t)
-            if bouncing or left.any():
-                return still, False
-        trace.status = 2
-    return after, trace.status != 0
-
-
-def _rests(task: Task, event: Event, t: float, y: Floats, memory: Callable[[float], Floats]) -> bool:
-    """Hold what the event's jump reverses or stops, in place; False if that is not all it does or would not stay."""
-    assert event.hit is not None
-    hit, stopped = event.hit, event.hit != 0.0
-    incoming = np.where(stopped, hit, y)
-    y[stopped] = 0.0
-    other = np.abs(jumped(task, event, t, incoming) - incoming)[~stopped]
-    if (other > 1e-14 * np.abs(y[~stopped])).any() or slope(task, event, t, y) != 0.0:
-        return False  # friction, or a surface that moves
-
-    def pull(time: float, state: Floats) -> float:
-        rate = task.free(time, state)
-        rate[task.memory] -= task.coefficient * memory(time)
-        return float(-hit @ rate) / float(np.abs(hit).max())
-
-    if not stopped.any() or pull(t, y) > 0.0:
-        return False
-    event.pull, event.fresh = pull, False
-    return True
 
 
 def solve(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import Entry, call, overloads, shared
+from basset._compile import Entry, call, filled, overloads, separate, shared
 from basset.kernels import Floats
 
 CALLS, WHERE, WHAT = 7, 10, 11  # places in the march's numbers
@@ -146,7 +146,7 @@ def fail(events: Events, what: int, which: int, t: float) -> None:
         events.trouble[0], events.trouble[1], events.trouble_at[0] = what, which, t
 
 
-@shared
+@separate
 def free_rate(m: Motion, events: Events, t: float, y: Floats, out: Floats) -> None:
     """fun(t, y) into `out`; uses rows 0 and 1."""
     copy(y, m.rows[0])
@@ -159,9 +159,9 @@ def free_rate(m: Motion, events: Events, t: float, y: Floats, out: Floats) -> No
             fail(events, FUN_FAILED, a, now)
 
 
-@shared
+@separate
 def subtract_memory(m: Motion, t: float, strength: Floats, rate: Floats) -> None:
-    """rate − strength·H in place, H at t if nothing has happened since the step's start."""
+    """Rate − strength·H in place, H at t if nothing has happened since the step's start."""
     lag = t - m.numbers[0]
     for a in range(len(m.where)):
         total = 0.0
@@ -170,7 +170,7 @@ def subtract_memory(m: Motion, t: float, strength: Floats, rate: Floats) -> None
         rate[m.where[a]] -= strength[a] * total
 
 
-@shared
+@separate
 def pull(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
     """What draws a body at rest off its surface where positive; uses rows 0 to 2."""
     rate = m.rows[2]
@@ -220,7 +220,7 @@ def cuts(events: Events, k: int, times: int) -> bool:
     return events.leaps[k] or events.resting[k] or 0 < events.terminal[k] <= times
 
 
-@shared
+@separate
 def rounding(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
     """What rounding of time and states is worth in the event function there."""
     here, share, moved = value(m, events, k, t, y), 2.0**-26, m.rows[4]
@@ -243,7 +243,7 @@ def series(coefficients: Floats, count: int, x: float) -> float:
     return coefficients[0] + x * newer - older
 
 
-@shared
+@separate
 def turning_points(events: Events, count: int, low: float, high: float, first: int) -> int:
     """Where the series of `count` coefficients in events.slope changes sign, into events.places from `first` on, as x in [low, high]; how many.
 
@@ -336,13 +336,13 @@ def watch_leaf(m: Motion, events: Events, k: int, step: Step, low: float, high: 
 
 
 @shared
-def watched(m: Motion, events: Events, k: int, step: Step) -> int:
-    """Places on the step between which the event function rises or falls and its values there; how many.
+def watched(m: Motion, events: Events, k: int, step: Step, most: float) -> int:
+    """Places on the step up to θ = `most` between which the event function rises or falls and its values there; how many.
 
     Where an interpolant in θ, of a singular step in √θ, does not follow it, the step is halved, and at last signs of samples must do.
     """
     stack, base = events.stack, len(events.stack) // 2  # the upper half: turning points use the lower one
-    stack[base, 0], stack[base, 1], stack[base, 2] = 0.0, 1.0, HALVINGS
+    stack[base, 0], stack[base, 1], stack[base, 2] = 0.0, math.sqrt(most) if step.kind == 1 else most, HALVINGS
     depth, done = 1, 0
     while depth > 0:
         depth -= 1
@@ -358,7 +358,7 @@ def watched(m: Motion, events: Events, k: int, step: Step) -> int:
     return done
 
 
-@shared
+@separate
 def root(m: Motion, events: Events, k: int, step: Step, low: float, high: float, after: float) -> float:
     """θ of the crossing between two places: regula falsi with Illinois's halving, and bisection."""
     value_low, value_high = value_on(m, events, k, step, low), value_on(m, events, k, step, high)
@@ -402,9 +402,9 @@ def insert(events: Events, found: int, theta: float, k: int) -> None:
 
 
 @shared
-def search(m: Motion, events: Events, k: int, step: Step, found: int) -> int:
-    """Crossings of one event on the step, added to the `found` ones; how many there are. −1: a jump left no flight."""
-    done = watched(m, events, k, step)
+def search(m: Motion, events: Events, k: int, step: Step, most: float, found: int) -> int:
+    """Crossings of one event on the step up to θ = `most`, added to the `found` ones; how many there are. −1: a jump left no flight."""
+    done = watched(m, events, k, step, most)
     places, signs = events.places, events.signs
     first = 0
     if events.fresh[k]:
@@ -461,14 +461,14 @@ def record(events: Events, k: int, t: float, y: Floats) -> None:
 
 
 @shared
-def first_crossing(m: Motion, events: Events, step: Step) -> float:
-    """θ of the first crossing that cuts the step, by events.fired; 2 if none does, 0 if a jump left no flight.
+def first_crossing(m: Motion, events: Events, step: Step, most: float) -> float:
+    """θ ≤ `most` of the first crossing that cuts the step, by events.fired; 2 if none does, 0 if a jump left no flight.
 
     Crossings that do not cut are recorded on the way.
     """
     found = 0
     for k in range(len(events.side)):
-        done = search(m, events, k, step, found)
+        done = search(m, events, k, step, most, found)
         if done < 0:
             events.fired[0], events.count[0] = k, 1
             return 0.0
@@ -492,7 +492,7 @@ def first_crossing(m: Motion, events: Events, step: Step) -> float:
     return cut
 
 
-@shared
+@separate
 def trend(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
     """How much the event function changes within a moment; 0 where it cannot be told from rounding or is of second order."""
     rate, moved = m.rows[6], m.rows[4]
@@ -518,7 +518,7 @@ def trend(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
     return 0.0
 
 
-@shared
+@separate
 def jumped(m: Motion, events: Events, k: int, t: float, y: Floats, after: Floats) -> None:
     """The state after the event's jump; uses rows 0 and 1."""
     copy(y, m.rows[0])
@@ -529,7 +529,7 @@ def jumped(m: Motion, events: Events, k: int, t: float, y: Floats, after: Floats
             fail(events, JUMP_FAILED, k, t)
 
 
-@shared
+@separate
 def hold(m: Motion, events: Events) -> None:
     """Bring up to date what is at rest."""
     for a in range(len(m.held)):
@@ -541,7 +541,7 @@ def hold(m: Motion, events: Events) -> None:
         m.felt[a] = 0.0 if m.held[m.where[a]] else m.coefficient[a]
 
 
-@shared
+@separate
 def settle(m: Motion, events: Events, k: int, t: float, before: Floats, after: Floats) -> None:
     """Note what the jump has done."""
     here = value(m, events, k, t, after)
@@ -550,7 +550,7 @@ def settle(m: Motion, events: Events, k: int, t: float, before: Floats, after: F
     events.bounced[k] = (trend(m, events, k, t, after) if events.fresh[k] else here) * events.side[k] >= 0.0
 
 
-@shared
+@separate
 def rests(m: Motion, events: Events, k: int, t: float, y: Floats) -> bool:
     """Hold what the event's jump reverses or stops, in place; False if that is not all it does or would not stay."""
     incoming, after = m.rows[5], m.rows[7]
@@ -653,3 +653,24 @@ def events_of(specified: Any, states: int, degree: int) -> Events:
         floats(2 * m * most), floats((2 * m * most, states)), whole(2 * m * most), whole(1), whole(2), floats(1), 0.5 * (points + 1.0), transform,
         floats(2 * degree + 2), floats(degree + 1), floats(degree + 2), floats(most), floats(most), floats((256, 3)), floats((1, 1)),
     )  # fmt: skip
+
+
+def entries(functions: list[Any]) -> Any:
+    """Functions to call, for `entry_of`: a table of their entries, or plain ones as they are."""
+    if all(isinstance(function, Entry) for function in functions):
+        return np.array(functions, dtype=np.int64).reshape(len(functions), 2)
+    return functions
+
+
+def plain(specified: Any) -> tuple[list[Any], list[Any]]:
+    """Event functions and jumps to call without compiled code."""
+    return [partial(filled, event.value) for event in specified], [partial(filled, event.after) for event in specified]
+
+
+def take_log(found: Events, specified: Any) -> None:
+    """Move what has happened into the lists of the events."""
+    for i in range(int(found.logged[0])):
+        event = specified[found.log_events[i]]
+        event.times.append(float(found.log_times[i]))
+        event.states.append(found.log_states[i].copy())
+    found.logged[0] = 0

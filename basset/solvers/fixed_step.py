@@ -6,17 +6,19 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
 
 from basset import _validate
+from basset._compile import filled
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative
 from basset.quadrature.base import resolve
 from basset.quadrature.product import lagrange
-from basset.solvers.base import Event, Method, Piece, SolverError, Stretch, Task, Trace, fire, stretches
+from basset.solvers import events
+from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, stretches
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton, bounds, degree_of, longest_step, stable
 from basset.streaming import Plan, State
 
@@ -119,14 +121,16 @@ class _Grid(Method):
         node, watch = 0, Watch()
         y, rate = task.y0.copy(), run.begin(task.start, task.y0.copy(), task.slip)
         run.check(task.start, y)
-        values = [event.value(task.start, y) for event in task.events]
+        m, found = self._events(task)
+        values = [events.value(m, found, k, task.start, y) for k in range(len(task.events))]
+        after_jump, still = np.empty_like(y), np.empty_like(y)
         while node < count:
             states, rates = run.advance(task.start + node * run.dt, y, stop - node)
             for state, after in zip(states, rates, strict=True):
                 t, end = task.start + node * run.dt, task.start + (node + 1) * run.dt if node + 1 < count else task.end
                 trace.pieces.append(hermite(t, end - t, y, state, rate, after))
-                before, values = values, [event.value(end, state) for event in task.events]
-                fired = [event for event, old, new in zip(task.events, before, values, strict=True) if happens(event, old, new)]
+                before, values = values, [events.value(m, found, k, end, state) for k in range(len(task.events))]
+                fired = [k for k, (old, new) in enumerate(zip(before, values, strict=True)) if happens(found, k, old, new)]
                 y, rate, node = state, after, node + 1
                 trace.steps += 1
                 trace.times.append(end)
@@ -136,39 +140,56 @@ class _Grid(Method):
                 if broken:
                     stop, run.stretch = ahead.pop(0)
                 if fired:
-                    y_after, stopped = fire(task, trace, fired, end, y, 1.5 * run.dt, lambda _: run.memory())
-                    if any(event.jump is not None for event in fired):
+                    found.fired[: len(fired)], found.count[0] = fired, len(fired)
+                    leaps = bool(found.leaps[fired].any())
+                    m.past[:, 0] = run.memory()
+                    status = events.fire(m, found, end, y, after_jump, still, 1.5 * run.dt)
+                    events.take_log(found, task.events)
+                    if leaps:
                         run.retract(node + 1 - run.nodes)
-                        rate = run.jump(end, y_after, y_after[task.memory] - y[task.memory])
-                        y, watch, broken = y_after, Watch(), False
+                        rate = run.jump(end, after_jump.copy(), after_jump[task.memory] - y[task.memory])
+                        y, watch, broken = after_jump.copy(), Watch(), False
                         trace.times.append(end)
                         trace.states.append(y.copy())
-                        values = [event.value(end, y) for event in task.events]
-                    if stopped:
+                        values = [events.value(m, found, k, end, y) for k in range(len(task.events))]
+                    if status != events.PASSED:
+                        trace.status = 1 if status == events.TERMINAL else 2
                         return
-                    if any(event.jump is not None for event in fired):
+                    if leaps:
                         break
                 if broken:
                     rate, watch = run.jump(end, y, np.zeros(len(task.memory))), Watch()
                     run.check(end, y)
+
+    @staticmethod
+    def _events(task: Task) -> tuple[events.Motion, events.Events]:
+        """Events as they stand at the start; the memory of the newest node goes into the single term of `past`."""
+        n, members = len(task.y0), len(task.memory)
+        felt, one, past = task.coefficient.copy(), np.ones(1), np.zeros((members, 1))
+        m = events.Motion(
+            partial(filled, task.free), *events.plain(task.events), np.zeros(1), task.memory, task.coefficient, felt, one, np.zeros(1), past, np.zeros(members),
+            np.zeros(15), task.held, -math.inf, math.inf, task.end - task.start, np.zeros((8, n)),
+        )  # fmt: skip
+        return m, events.events_of(task.events, n, 1)
 
     @abc.abstractmethod
     def _march(self, task: Task, dt: float) -> _March:
         """The method at work on one task."""
 
 
-def happens(event: Event, before: float, after: float) -> bool:
+def happens(found: events.Events, k: int, before: float, after: float) -> bool:
     """Whether an event happens on a step between these values; after a jump from when the body is back on its side, or sinks."""
-    if event.bounced and event.pull is None:
-        event.reach = max(event.reach, after * event.side)
-        if event.fresh:
-            event.fresh = after * event.side <= 0.0
-            return event.fresh and (after - before) * event.side < 0.0
-    event.fresh = False
-    if not event.crosses(before, after):
+    side = found.side[k]
+    if found.bounced[k] and not found.resting[k]:
+        found.reach[k] = max(found.reach[k], after * side)
+        if found.fresh[k]:
+            found.fresh[k] = after * side <= 0.0
+            return bool(found.fresh[k] and (after - before) * side < 0.0)
+    found.fresh[k] = False
+    if not events.crosses(found, k, before, after):
         return False
-    if event.pull is None:
-        event.side = math.copysign(1.0, before)
+    if not found.resting[k]:
+        found.side[k] = math.copysign(1.0, before)
     return True
 
 
@@ -198,6 +219,12 @@ class _March(abc.ABC):
         self.state: State = self.plan.start((len(task.memory),))
         self.nodes = 0
         self._kept: list[State] = []
+
+    @property
+    def felt(self) -> Floats:
+        """The coefficient, 0 for bodies at rest."""
+        task = self.task
+        return np.where(task.held[task.memory], 0.0, task.coefficient) if task.held.any() else task.coefficient
 
     def rate(self, t: float, y: Floats) -> Floats:
         """fun(t, y), from within the stretch between two breaks."""
@@ -340,9 +367,9 @@ class _OnRates(_March):
         return rate
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
-        self.strength[self.task.memory] = self.task.felt
+        self.strength[self.task.memory] = self.felt
         rate = self.rate(t, y)
-        rate[self.task.memory] -= self.task.felt * self.plan.value(self.state)
+        rate[self.task.memory] -= self.felt * self.plan.value(self.state)
         self.plan.jump(self.state, delta, g=rate[self.task.memory])
         self.recent = [rate]
         return rate
@@ -355,7 +382,7 @@ class _OnRates(_March):
         weights = adams_moulton(min(self.degree, len(self.recent)))
         known = y + self.dt * sum((w * r for w, r in zip(weights[1:], self.recent, strict=False)), np.zeros(len(y)))
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.felt * tail
+        fixed[task.memory] = self.felt * tail
         rate = newton(
             lambda g: g * (1.0 + self.strength * local) + fixed - self.rate(end, known + self.dt * weights[0] * g), self.recent[0], f"at t = {end:.6g}"
         )
@@ -377,7 +404,7 @@ class _OnRates(_March):
             rates = flat.reshape(degree, n)
             result = rates - np.array([self.rate(time, state) for time, state in zip(times, states(rates), strict=True)])
             memory = past + root * (history @ np.vstack([first, rates])[:, task.memory])
-            result[:, task.memory] += task.felt * memory
+            result[:, task.memory] += self.felt * memory
             return np.asarray(result.ravel())
 
         rates = newton(residual, np.tile(first, degree), f"from t = {t:.6g}").reshape(degree, n)
@@ -402,7 +429,7 @@ class _OnSlips(_March):
         return self.recent[0]
 
     def jump(self, t: float, y: Floats, delta: Floats) -> Floats:
-        self.stored = self.task.felt * self.plan.value(self.state)
+        self.stored = self.felt * self.plan.value(self.state)
         self.plan.jump(self.state, np.zeros_like(delta), g=y[self.task.memory] - self.offset)
         self.recent = [self.rate(t, y)]
         return self.recent[0]
@@ -429,19 +456,19 @@ class _OnSlips(_March):
             states = flat.reshape(count, n)
             functions[:] = [self.rate(time, state) for time, state in zip(times, states, strict=True)]
             result = states - known - ahead @ functions
-            result[:, task.memory] += task.felt * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
+            result[:, task.memory] += self.felt * (past + inner @ (states[:, task.memory] - self.offset)) - self.stored
             return np.asarray(result.ravel())
 
         states = newton(residual, np.tile(y, count), f"from t = {t:.6g}").reshape(count, n)
         residual(states.ravel())
         self.push(states[:, task.memory] - self.offset)
-        self.stored = self.task.felt * self.plan.value(self.state)
+        self.stored = self.felt * self.plan.value(self.state)
         self.recent = [*(row.copy() for row in functions[::-1]), *self.recent][: self.degree]
         return list(states), list(np.diff(np.vstack([y, states]), axis=0) / self.dt)  # for the dense output: fun lacks the history
 
     def retract(self, excess: int) -> None:
         super().retract(excess)
-        self.stored = self.task.felt * self.plan.value(self.state)
+        self.stored = self.felt * self.plan.value(self.state)
 
 
 @dataclass(frozen=True)
@@ -499,7 +526,7 @@ class _Held(_OnRates):
     def advance(self, t: float, y: Floats, left: int) -> tuple[list[Floats], list[Floats]]:
         task, h = self.task, self.dt
         held = np.zeros(len(y))
-        held[task.memory] = task.felt * self.plan.value(self.state)
+        held[task.memory] = self.felt * self.plan.value(self.state)
 
         def rate(time: float, state: Floats) -> Floats:
             return self.rate(time, state) - held
@@ -510,7 +537,7 @@ class _Held(_OnRates):
         k4 = rate(t + h, y + h * k3)
         after = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         fixed = np.zeros(len(y))
-        fixed[task.memory] = task.felt * self.plan.tail(self.state)
+        fixed[task.memory] = self.felt * self.plan.tail(self.state)
         new = (self.rate(t + h, after) - fixed) / (1.0 + self.strength * self.plan.local(self.state))
         self.push(new[None, task.memory])
         return [after], [new]
