@@ -87,21 +87,18 @@ def _announce(numba: Any) -> None:
     """Say on a terminal, once, what is being compiled; report it when it is done."""
 
     class Announcer(numba.core.event.Listener):  # type: ignore[misc]  # the base is numba's
-        under_way: list[float] = []  # noqa: RUF012 - what is compiled on the way is not told
         told: set[str] = set()  # noqa: RUF012 - of the process, which has one listener
 
         def on_start(self, event: Any) -> None:
             kept = _kept(event)
-            INNER.append(bool(INNER) and kept is None)
-            if kept is not None and not self.under_way and kept.name not in self.told and sys.stderr.isatty():
+            if kept is not None and not UNDER_WAY and kept.name not in self.told and sys.stderr.isatty():
                 self.told.add(kept.name)
                 print(f"compiling, once: {kept.name} (usually {kept.usually})", file=sys.stderr, flush=True)
-            self.under_way.append(time.perf_counter())
+            UNDER_WAY.append((time.perf_counter(), kept is not None))
 
         def on_end(self, event: Any) -> None:
-            INNER.pop()
-            seconds, kept = time.perf_counter() - self.under_way.pop(), _kept(event)
-            if kept is not None and not self.under_way:
+            seconds, kept = time.perf_counter() - UNDER_WAY.pop()[0], _kept(event)
+            if kept is not None and not UNDER_WAY:
                 for report in REPORTS:
                     report(kept.name, seconds)
 
@@ -109,7 +106,8 @@ def _announce(numba: Any) -> None:
 
 
 SEPARATE: set[str] = set()
-INNER: list[bool] = []  # of the functions that are being compiled: whether only one of ours will ever call it
+UNDER_WAY: list[tuple[float, bool]] = []  # of what is being compiled, outermost first: since when, and whether it is ours
+WHOLE: set[str] = set()  # names of functions that are entered from Python
 
 
 @when_loaded
@@ -118,12 +116,15 @@ def _optimise_once(numba: Any) -> None:
     library, context = numba.core.codegen.CPUCodeLibrary, numba.core.cpu.CPUContext
     optimise, finish, executable = library._optimize_final_module, library._finalize_final_module, context.get_executable
 
+    def inner(library: Any) -> bool:
+        return bool(UNDER_WAY) and UNDER_WAY[0][1] and library.name not in WHOLE
+
     def _optimize_final_module(self: Any) -> None:
-        if not (INNER and INNER[-1]):
+        if not inner(self):
             optimise(self)
 
     def _finalize_final_module(self: Any) -> None:
-        if INNER and INNER[-1]:
+        if inner(self):
             if self.name in SEPARATE:
                 for function in self._final_module.functions:
                     if not function.is_declaration and f"{len(self.name)}{self.name}" in function.name:
@@ -134,7 +135,7 @@ def _optimise_once(numba: Any) -> None:
             finish(self)
 
     def get_executable(self: Any, library: Any, description: Any, environment: Any) -> Any:
-        return [].append if INNER and INNER[-1] else executable(self, library, description, environment)
+        return [].append if inner(library) else executable(self, library, description, environment)
 
     library._optimize_final_module, library._finalize_final_module, context.get_executable = _optimize_final_module, _finalize_final_module, get_executable
 
@@ -318,6 +319,7 @@ def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:
     digest = digest_of(plain.__module__.split(".")[0])
     # the name is part of the files': those of other sources may hold types that are no more, and cannot be read
     plain.__qualname__ += "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
+    WHOLE.add(plain.__qualname__)
     function = compiler().njit(**options)(plain)
     if is_compiled(function):
         function._cache = Keeper(plain, usually)
