@@ -160,6 +160,7 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 PATIENCE = 4  # looks for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span
+CREEP = 40  # steps along a surface within 1e-5 of the span: the jump is not of that kind
 SLIDING = (
     "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun and cannot be followed there; "
     "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
@@ -304,7 +305,7 @@ class Integration:
                         return
                 elif code == _march.SUSPECT:
                     self._look()
-                elif code == _march.TOO_SMALL and (self._look() or self._sticks()):
+                elif code == _march.TOO_SMALL and (self._look() or self._crosses()):
                     continue
                 elif code == _march.TOO_SMALL and self._fades():
                     raise TooFastError
@@ -368,18 +369,26 @@ class Integration:
         numbers[_march.JUMPED] = numbers[_march.TIME]
         numbers[_march.STEP] = min(float(numbers[_march.FIRST]), most)
 
+    def _near(self, sizes: Floats) -> Floats:
+        """How far the state may be from a surface that it was to reach: the error of a step, or what rates of `sizes` move in the shortest one."""
+        y = np.abs(self.state.y)
+        before = np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else y
+        return np.asarray(10.0 * (self.problem.atol + self.problem.rtol * np.maximum(y, before)) + 4.0 * self.problem.floor * sizes)
+
+    def _surface(self, jump: Floats) -> _sliding.Surface:
+        """The layer around a surface on which fun has that jump, for the tolerance here."""
+        y, some = np.abs(self.state.y), jump != 0.0
+        least = np.maximum(64.0 * np.spacing(y), 1e-3 * self.problem.floor * np.abs(jump))
+        widths = np.maximum(_sliding.WIDTH * (self.problem.atol + self.problem.rtol * y), least)
+        return _sliding.Surface(float((widths[some] / np.abs(jump[some])).min()) * jump, jump)
+
     def _slide(self, jump: Floats) -> bool:
         """Go on along the surface on which fun has that jump; False if it is not near enough or fun does not jump."""
-        state, problem, t = self.state, self.problem, float(self.state.numbers[_march.TIME])
+        state, t, surface = self.state, float(self.state.numbers[_march.TIME]), self._surface(jump)
         if state.jump.any():  # a singular step would not see the layer
             return False
-        sizes, moved = np.maximum(np.abs(jump), 1e-300), np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else 0.0
-        scale = problem.atol + problem.rtol * np.abs(state.y)
-        least = np.maximum(64.0 * np.spacing(np.abs(state.y)), 1e-3 * problem.floor * sizes)
-        surface = _sliding.Surface(float((np.maximum(_sliding.WIDTH * scale, least) / sizes)[jump != 0.0].min()) * jump)
         found = surface.located(self._rate, t, state.y)
-        near = 10.0 * (problem.atol + problem.rtol * np.maximum(np.abs(state.y), moved)) + 4.0 * problem.floor * sizes
-        if found is None or (np.abs(found[0] * surface.half) > near).any():
+        if found is None or (np.abs(found[0] * surface.half) > self._near(np.abs(jump))).any():
             return False
         self._chatter(t)
         state.y[:] += found[0] * surface.half
@@ -387,15 +396,38 @@ class Integration:
         self._begin(0.5 * (self.stretches[0].end - t))
         return True
 
-    def _sticks(self) -> bool:
-        """Slide from here if fun throws the state from one side of a surface to the other and back."""
-        t, memory = float(self.state.numbers[_march.TIME]), np.zeros(len(self.state.y))
+    def _crosses(self) -> bool:
+        """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
+        t, y, memory, floor = float(self.state.numbers[_march.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
         memory[self.task.memory] = self.task.felt * self._memory(t)
         try:
-            jump = _sliding.swings(lambda time, y: self._rate(time, y) - memory, t, self.state.y, 2.0 * self.problem.floor)
-            return jump is not None and self._slide(jump)
+            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, y, 2.0 * floor)
+            velocity = self._rate(t, y) - memory
+            if back or not (jump.any() and velocity.any()):
+                return back and self._slide(jump)
+            found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
+            if found is None or found[0] < 0.0 or ((found[0] + 1.0) * floor * np.abs(velocity) > self._near(np.abs(velocity))).any():
+                return False
         except SolverError:  # fun is not finite there
             return False
+        self._chatter(t)
+        y[:] += (found[0] + 1.0) * floor * velocity
+        self._begin(0.5 * (self.stretches[0].end - t))
+        return True
+
+    def _fit(self) -> None:
+        """Give the layers widths for the tolerance here, the weights of both sides stay; SolverError where the slide creeps."""
+        if not self.surfaces:
+            return
+        since = self.trace.times[max(0, len(self.trace.times) - CREEP)]
+        if len(self.trace.times) > CREEP and since >= self.state.numbers[_march.JUMPED] and self.trace.times[-1] - since < 1e-5 * self.problem.span:
+            raise SolverError(SLIDING.format(since))
+        for k, old in enumerate(self.surfaces):
+            new = self._surface(old.jump)
+            found = old.located(self.task.rate, float(self.state.numbers[_march.TIME]), self.state.y)
+            if found is not None and not 0.25 < np.abs(new.half).max() / np.abs(old.half).max() < 4.0:
+                self.state.y[:] += found[0] * (old.half - new.half)
+                self.surfaces[k], self.state.numbers[_march.KNOWN] = new, 0.0
 
     def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
         """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
@@ -540,6 +572,7 @@ class Integration:
             numbers[_march.STEP] = _march.next_step(self.problem, numbers, h, self.count)
             numbers[_march.SINGULAR], numbers[_march.SMOOTH] = 0.0, 1.0
             state.rate[:] = self.nodes.slope[-1] @ values / h if singular else values[-1]
+            self._fit()
             return False
         numbers[_march.SMOOTH] = 0.0
         if singular:
