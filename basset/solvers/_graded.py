@@ -159,10 +159,10 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
 PATIENCE = 4  # looks for a jump of fun from one place
-CHATTER = 20  # jumps with the state within a millionth of the span
-CREEP = 40  # steps along a surface within 1e-5 of the span: the jump is not of that kind
+CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
+CREEP = 24  # steps along a surface within 1e-5 of the span: the jump is not of that kind
 SLIDING = (
-    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun and cannot be followed there; "
+    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun, or crosses it ever faster, and cannot be followed there; "
     "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
 )
 
@@ -212,6 +212,7 @@ class Integration:
         self.looks = (math.nan, 0)  # where, how often
         self.found: list[float] = []  # when a jump with the state was found
         self.surfaces: list[_sliding.Surface] = []  # along which the state slides
+        self.thrown = False  # from one side of a jump to the other and back, and not to be held there
         self.contact: Floats | None = None  # the jump of fun on the surface ahead, if it will slide there
         stretch = self.stretches[0]
         self.problem = _march.Problem(
@@ -404,7 +405,8 @@ class Integration:
             jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, y, 2.0 * floor)
             velocity = self._rate(t, y) - memory
             if back or not (jump.any() and velocity.any()):
-                return back and self._slide(jump)
+                self.thrown = back and not self._slide(jump)
+                return back and not self.thrown
             found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
             if found is None or found[0] < 0.0 or ((found[0] + 1.0) * floor * np.abs(velocity) > self._near(np.abs(velocity))).any():
                 return False
@@ -452,7 +454,9 @@ class Integration:
     def _chatter(self, t: float) -> None:
         """Note that a jump with the state was found at t; SolverError if there are too many."""
         self.found.append(t)
-        if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * self.problem.span:
+        last = np.array(self.found[-2 * CHATTER :])
+        narrowing = len(last) == 2 * CHATTER and t - last[0] < 1e-2 * self.problem.span and bool((np.diff(last[2:] - last[:-2]) < 0.0).all())
+        if narrowing or (len(last) > CHATTER and t - last[-CHATTER] < 1e-6 * self.problem.span):
             raise SolverError(SLIDING.format(t))
 
     def _look(self) -> bool:
@@ -525,7 +529,7 @@ class Integration:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
         if code == _march.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
-        if self.surfaces or self.found and self.found[-1] > t - 1e-6 * self.problem.span:
+        if self.thrown or self.surfaces or self.found and self.found[-1] > t - 1e-6 * self.problem.span:
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
