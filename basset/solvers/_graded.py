@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
 
 QUADRATURE = 48
+FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
 DECAYED = 40.0  # e^(−40) is below rounding
 
 
@@ -256,7 +257,11 @@ class Integration:
             return _geometric(near, far, tolerance, self.task.kernel)
         while True:
             try:
-                return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+                found = ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+                if self.problem.rtol < FINEST and tolerance > 1e3 * self.problem.rtol:
+                    sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is good to {:.1g} only, got {:g}"
+                    raise SolverError(sentence.format(FINEST, self.task.kernel, tolerance, self.problem.rtol))
+                return found
             except ValueError:
                 if tolerance > 1e-3:
                     raise
