@@ -161,7 +161,7 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 PATIENCE = 4  # looks for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
-CREEP = 24  # steps along a surface within 1e-5 of the span: the jump is not of that kind
+CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
 SLIDING = (
     "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun, or crosses it ever faster, and cannot be followed there; "
     "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
@@ -384,7 +384,7 @@ class Integration:
     def _surface(self, jump: Floats) -> _sliding.Surface:
         """The layer around a surface on which fun has that jump, for the tolerance here."""
         y, some = np.abs(self.state.y), jump != 0.0
-        least = np.maximum(64.0 * np.spacing(y), 1e-3 * self.problem.floor * np.abs(jump))
+        least = np.maximum(64.0 * np.spacing(y), 1e-6 * self.problem.floor * np.abs(jump))
         widths = np.maximum(_sliding.WIDTH * (self.problem.atol + self.problem.rtol * y), least)
         return _sliding.Surface(float((widths[some] / np.abs(jump[some])).min()) * jump, jump)
 
@@ -407,8 +407,9 @@ class Integration:
         t, y, memory, floor = float(self.state.numbers[_march.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
         memory[self.task.memory] = self.task.felt * self._memory(t)
         try:
-            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, y, 2.0 * floor)
             velocity = self._rate(t, y) - memory
+            start = y if velocity.any() else y + 1e-2 * (self.problem.atol + self.problem.rtol * np.abs(y))  # sign(0): beside it
+            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, start, 2.0 * floor)
             if back or not (jump.any() and velocity.any()):
                 self.thrown = back and not self._slide(jump)
                 return back and not self.thrown
@@ -426,8 +427,10 @@ class Integration:
         """Give the layers widths for the tolerance here, the weights of both sides stay; SolverError where the slide creeps."""
         if not self.surfaces:
             return
-        since = self.trace.times[max(0, len(self.trace.times) - CREEP)]
-        if len(self.trace.times) > CREEP and since >= self.state.numbers[_march.JUMPED] and self.trace.times[-1] - since < 1e-5 * self.problem.span:
+        pieces = self.trace.pieces[-CREEP:]
+        since, newest = pieces[0].start, pieces[-1]
+        short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
+        if len(pieces) == CREEP and short and since >= self.state.numbers[_march.JUMPED]:
             raise SolverError(SLIDING.format(since))
         for k, old in enumerate(self.surfaces):
             new = self._surface(old.jump)

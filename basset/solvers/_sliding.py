@@ -36,8 +36,10 @@ class Surface:
             low, high, first = -reach, reach, rate(t, y - reach * self.half)
             size = float((rate(t, y + reach * self.half) - first) @ self.jump)
             if size != 0.0:
-                while high - low > 1e-9 * reach:
+                while high - low > 1e-15 * reach:
                     middle = 0.5 * (low + high)
+                    if y[widest] + middle * self.half[widest] in (y[widest] + low * self.half[widest], y[widest] + high * self.half[widest]):
+                        break
                     if float((rate(t, y + middle * self.half) - first) @ self.jump) / size < 0.5:
                         low = middle
                     else:

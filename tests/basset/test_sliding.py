@@ -70,7 +70,7 @@ class TestFriction:
 @pytest.mark.parametrize("rtol", RTOLS)
 class TestOscillators:
     def test_one_that_sticks_within_the_dead_band(self, rtol):
-        """x'' = −x − 0.3 sign v from 1: turns at −0.4 after π, and −0.4 + 0.6 = 0.2 would be within ±0.3: it sticks at −0.2 + …, by half periods."""
+        """x'' = −x − 0.3 sign v from 1: turns at 0.6 − 1 = −0.4 and at −0.6 + 0.4 = −0.2, where it sticks."""
         result = solved(lambda t, y: [y[1], -y[0] - 0.3 * np.sign(y[1])], 20.0, [1.0, 0.0], 0.0, rtol, [1])
         assert result.status == 0, result.message
         assert result.sol(math.pi)[0] == pytest.approx(-0.4, abs=FACTOR * rtol)
