@@ -17,7 +17,7 @@ from basset.kernels import Floats
 Rate = Callable[[float, Floats], Floats]
 
 WIDTH = 0.1  # of the layer on either side, in tolerances
-FARTHEST = 1e6  # half widths from the state to where the surface is looked for
+FARTHEST = 1e8  # half widths from the state to where the surface is looked for
 SWINGS = 16  # explicit steps that show whether the state is thrown back and forth
 
 
