@@ -607,9 +607,22 @@ class Integration:
         return stop
 
     def _leave(self, surface: _sliding.Surface) -> None:
-        """Go on from here beside the surface."""
+        """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""
+        state, t = self.state, float(self.state.numbers[_march.TIME])
+        found = surface.located(self.task.rate, t, state.y)
         self.surfaces.remove(surface)
-        self._begin(0.5 * (self.stretches[0].end - float(self.state.numbers[_march.TIME])))
+        self._begin(0.5 * (self.stretches[0].end - t))
+        if found is None:
+            return
+        shifts = 1.5e-8 * np.maximum(np.abs(state.y), 1e-8)
+        away = -math.copysign(1.0, found[0]) * surface.half
+        place = state.y + away * float(16.0 * shifts.max() / np.abs(away).max())
+        here = self._rate(t, place)
+        for j, shift in enumerate(shifts):
+            shifted = place.copy()
+            shifted[j] += shift
+            state.jacobian[:, j] = (self._rate(t, shifted) - here) / (shifted[j] - place[j])
+        state.numbers[_march.KNOWN] = 1.0
 
     def _memory(self, t: float) -> Floats:
         """H of the components in memory at t, had nothing happened since the step's start."""

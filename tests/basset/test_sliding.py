@@ -122,6 +122,7 @@ def test_compiled_as_plain():
         return np.array([y[1], -y[0] - 0.3 * np.sign(y[1])])
 
     plain, fast = (solved(f, 9.0, [1.0, 0.0], 0.3, 1e-6, [1]) for f in (fun, numba.njit(fun)))
+    np.testing.assert_array_equal(len(fast.t), len(plain.t))
     assert plain.status == fast.status == 0
     np.testing.assert_allclose(fast.y[:, -1], plain.y[:, -1], atol=1e-12)
     assert fast.nfev == pytest.approx(plain.nfev, rel=0.05)
