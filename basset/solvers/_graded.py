@@ -447,16 +447,16 @@ class Integration:
             return next((surface for surface in self.surfaces if not surface.holds(self.task.rate, t, y)), None)
 
         low = 0.0
-        for high in self.stages.c if self.surfaces else ():
-            surface = left(float(high))
+        for node in self.stages.c if self.surfaces else ():
+            high, surface = float(node), left(float(node))
             if surface is None:
-                low = float(high)
+                low = high
                 continue
             while high - low > 1e-12:
                 middle = 0.5 * (low + high)
                 found = left(middle)
                 low, high, surface = (middle, high, surface) if found is None else (low, middle, found)
-            return float(high), surface
+            return high, surface
         return 1.0, None
 
     def _chatter(self, t: float) -> None:
@@ -469,7 +469,7 @@ class Integration:
 
     def _look(self) -> bool:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
-        state, numbers, task, problem = self.state, self.state.numbers, self.task, self.problem
+        state, numbers, problem = self.state, self.state.numbers, self.problem
         t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
         self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
         if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
@@ -537,7 +537,7 @@ class Integration:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
         if code == _march.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
-        if self.thrown or self.surfaces or self.found and self.found[-1] > t - 1e-6 * self.problem.span:
+        if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
