@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
 
 QUADRATURE = 48
+FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
 DECAYED = 40.0  # e^(−40) is below rounding
 
 
@@ -159,9 +160,10 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
 PATIENCE = 4  # looks for a jump of fun from one place
-CHATTER = 20  # jumps with the state within a millionth of the span
+CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
+CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
 SLIDING = (
-    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun and cannot be followed there; "
+    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun, or crosses it ever faster, and cannot be followed there; "
     "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
 )
 
@@ -209,6 +211,7 @@ class Integration:
         self.looks = (math.nan, 0)  # where, how often
         self.found: list[float] = []  # when a jump with the state was found
         self.surfaces: list[_sliding.Surface] = []  # along which the state slides
+        self.thrown = False  # from one side of a jump to the other and back, and not to be held there
         self.contact: Floats | None = None  # the jump of fun on the surface ahead, if it will slide there
         stretch = self.stretches[0]
         self.problem = _march.Problem(
@@ -266,7 +269,11 @@ class Integration:
             return _geometric(near, far, tolerance, self.task.kernel)
         while True:
             try:
-                return ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+                found = ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+                if self.problem.rtol < FINEST and tolerance > 1e3 * self.problem.rtol:
+                    sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is good to {:.1g} only, got {:g}"
+                    raise SolverError(sentence.format(FINEST, self.task.kernel, tolerance, self.problem.rtol))
+                return found
             except ValueError:
                 if tolerance > 1e-3:
                     raise
@@ -312,6 +319,8 @@ class Integration:
             self.bound = self._bind()
         code, done = self._along() if self.surfaces else _march.march(*self.bound)
         self._keep(done)
+        if self.surfaces and code == _march.FULL and done:
+            self._fit()
         if calls.raised is not None:
             raise calls.raised
         if code == _march.TABLE:
@@ -324,7 +333,7 @@ class Integration:
         elif code == _march.SUSPECT:
             self._look()
         elif code == _march.TOO_SMALL:
-            if not (self._look() or self._sticks()):
+            if not (self._look() or self._crosses()):
                 if self._fades():
                     raise TooFastError
                 raise SolverError(self._reason(code))
@@ -397,38 +406,6 @@ class Integration:
             returned(f"jump of event {event.index} must return {n} states", event.jump(task.start, task.y0.copy(), *event.args), n)
         return entry
 
-    def _along(self, compiled: events.Motion, m: events.Motion, record: _march.Record) -> tuple[int, int]:
-        """One step along the surfaces, up to where the state leaves one; as `_march.march`."""
-        state, numbers, found = self.state, self.state.numbers, self.events
-        calls = float(numbers[_march.CALLS])
-        code = _march.attempt(compiled, self.problem, self.nodes, self.tables, state, self.values, self.room)
-        if code == _march.ACCEPTED:
-            h, kind = float(numbers[_march.STEP]), int(numbers[_march.SINGULAR])
-            start = float(numbers[_march.TIME])
-            share, surface = self._leaves(self._piece(start, h, bool(kind), state.y.copy(), self.values.copy()))
-            if surface is not None and h * share <= 4.0 * math.ulp(start):
-                self._leave(surface)
-                return _march.FULL, 0
-            _march.fit_polynomial(self.nodes, kind, h, self.values, self.room.polynomial)
-            theta = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.room.polynomial), share)
-            if theta > 1.0 and surface is None:
-                _march.accept(self.problem, self.nodes, self.tables, state, self.values, record, 0)
-                record.share[0], record.leapt[0] = 1.0, 0.0
-                return _march.FULL, 1
-            if theta > 1.0:
-                found.count[0], theta = 0, share
-            status = _march.to_event(m, found, self.problem, self.nodes, self.cut, state, self.values, self.room, record, 0, theta)
-            if record.leapt[0]:
-                t = float(numbers[_march.TIME])
-                self.surfaces = [] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self.task.rate, t, state.y)]
-                numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
-            elif surface is not None:
-                self._leave(surface)
-            numbers[_march.CALLS] = calls  # the task has counted
-            return {events.PASSED: _march.FULL, events.TERMINAL: _march.STOPPED, events.RESTING: _march.LYING}[status], 1
-        numbers[_march.CALLS] = calls
-        return code, 0
-
     def _rate(self, t: float, y: Floats) -> Floats:
         """The rate without history, on a surface that the state slides along a mean of both sides."""
         return _sliding.mean(self.surfaces, self.task.rate, t, y) if self.surfaces else self.task.rate(t, y)
@@ -482,18 +459,26 @@ class Integration:
         numbers[_march.JUMPED] = numbers[_march.TIME]
         numbers[_march.STEP] = min(float(numbers[_march.FIRST]), most)
 
+    def _near(self, sizes: Floats) -> Floats:
+        """How far the state may be from a surface that it was to reach: the error of a step, or what rates of `sizes` move in the shortest one."""
+        y = np.abs(self.state.y)
+        before = np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else y
+        return np.asarray(10.0 * (self.problem.atol + self.problem.rtol * np.maximum(y, before)) + 4.0 * self.problem.floor * sizes)
+
+    def _surface(self, jump: Floats) -> _sliding.Surface:
+        """The layer around a surface on which fun has that jump, for the tolerance here."""
+        y, some = np.abs(self.state.y), jump != 0.0
+        least = np.maximum(64.0 * np.spacing(y), 1e-6 * self.problem.floor * np.abs(jump))
+        widths = np.maximum(_sliding.WIDTH * (self.problem.atol + self.problem.rtol * y), least)
+        return _sliding.Surface(float((widths[some] / np.abs(jump[some])).min()) * jump, jump)
+
     def _slide(self, jump: Floats) -> bool:
         """Go on along the surface on which fun has that jump; False if it is not near enough or fun does not jump."""
-        state, problem, t = self.state, self.problem, float(self.state.numbers[_march.TIME])
+        state, t, surface = self.state, float(self.state.numbers[_march.TIME]), self._surface(jump)
         if state.jump.any():  # a singular step would not see the layer
             return False
-        sizes, moved = np.maximum(np.abs(jump), 1e-300), np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else 0.0
-        scale = problem.atol + problem.rtol * np.abs(state.y)
-        least = np.maximum(64.0 * np.spacing(np.abs(state.y)), 1e-3 * problem.floor * sizes)
-        surface = _sliding.Surface(float((np.maximum(_sliding.WIDTH * scale, least) / sizes)[jump != 0.0].min()) * jump)
         found = surface.located(self._rate, t, state.y)
-        near = 10.0 * (problem.atol + problem.rtol * np.maximum(np.abs(state.y), moved)) + 4.0 * problem.floor * sizes
-        if found is None or (np.abs(found[0] * surface.half) > near).any():
+        if found is None or (np.abs(found[0] * surface.half) > self._near(np.abs(jump))).any():
             return False
         self._chatter(t)
         state.y[:] += found[0] * surface.half
@@ -501,15 +486,42 @@ class Integration:
         self._begin(0.5 * (self.stretches[0].end - t))
         return True
 
-    def _sticks(self) -> bool:
-        """Slide from here if fun throws the state from one side of a surface to the other and back."""
-        t, memory = float(self.state.numbers[_march.TIME]), np.zeros(len(self.state.y))
+    def _crosses(self) -> bool:
+        """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
+        t, y, memory, floor = float(self.state.numbers[_march.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
         memory[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, self.task.coefficient) * self._memory(t)
         try:
-            jump = _sliding.swings(lambda time, y: self._rate(time, y) - memory, t, self.state.y, 2.0 * self.problem.floor)
-            return jump is not None and self._slide(jump)
+            velocity = self._rate(t, y) - memory
+            start = y if velocity.any() else y + 1e-2 * (self.problem.atol + self.problem.rtol * np.abs(y))  # sign(0): beside it
+            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, start, 2.0 * floor)
+            if back or not (jump.any() and velocity.any()):
+                self.thrown = back and not self._slide(jump)
+                return back and not self.thrown
+            found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
+            if found is None or found[0] < 0.0 or ((found[0] + 1.0) * floor * np.abs(velocity) > self._near(np.abs(velocity))).any():
+                return False
         except SolverError:  # fun is not finite there
             return False
+        self._chatter(t)
+        y[:] += (found[0] + 1.0) * floor * velocity
+        self._begin(0.5 * (self.stretches[0].end - t))
+        return True
+
+    def _fit(self) -> None:
+        """Give the layers widths for the tolerance here, the weights of both sides stay; SolverError where the slide creeps."""
+        if not self.surfaces:
+            return
+        pieces = self.trace.pieces[-CREEP:]
+        since, newest = pieces[0].start, pieces[-1]
+        short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
+        if len(pieces) == CREEP and short and since >= self.state.numbers[_march.JUMPED]:
+            raise SolverError(SLIDING.format(since))
+        for k, old in enumerate(self.surfaces):
+            new = self._surface(old.jump)
+            found = old.located(self.task.rate, float(self.state.numbers[_march.TIME]), self.state.y)
+            if found is not None and not 0.25 < np.abs(new.half).max() / np.abs(old.half).max() < 4.0:
+                self.state.y[:] += found[0] * (old.half - new.half)
+                self.surfaces[k], self.state.numbers[_march.KNOWN] = new, 0.0
 
     def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
         """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
@@ -519,22 +531,24 @@ class Integration:
             return next((surface for surface in self.surfaces if not surface.holds(self.task.rate, t, y)), None)
 
         low = 0.0
-        for high in self.stages.c if self.surfaces else ():
-            surface = left(float(high))
+        for node in self.stages.c if self.surfaces else ():
+            high, surface = float(node), left(float(node))
             if surface is None:
-                low = float(high)
+                low = high
                 continue
             while high - low > 1e-12:
                 middle = 0.5 * (low + high)
                 found = left(middle)
                 low, high, surface = (middle, high, surface) if found is None else (low, middle, found)
-            return float(high), surface
+            return high, surface
         return 1.0, None
 
     def _chatter(self, t: float) -> None:
         """Note that a jump with the state was found at t; SolverError if there are too many."""
         self.found.append(t)
-        if len(self.found) > CHATTER and t - self.found[-CHATTER] < 1e-6 * self.problem.span:
+        last = np.array(self.found[-2 * CHATTER :])
+        narrowing = len(last) == 2 * CHATTER and t - last[0] < 1e-2 * self.problem.span and bool((np.diff(last[2:] - last[:-2]) < 0.0).all())
+        if narrowing or (len(last) > CHATTER and t - last[-CHATTER] < 1e-6 * self.problem.span):
             raise SolverError(SLIDING.format(t))
 
     def _look(self) -> bool:
@@ -612,7 +626,7 @@ class Integration:
             return f"fun was not finite in component {self.events.trouble[1]} at t = {self.events.trouble_at[0]:.6g}"
         if code == _march.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
-        if self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
+        if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
@@ -646,9 +660,22 @@ class Integration:
         return Piece(start, h, lambda theta: y + h * (stages.regular.integrals(theta) @ values))
 
     def _leave(self, surface: _sliding.Surface) -> None:
-        """Go on from here beside the surface."""
+        """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""
+        state, t = self.state, float(self.state.numbers[_march.TIME])
+        found = surface.located(self.task.rate, t, state.y)
         self._set_surfaces([other for other in self.surfaces if other is not surface])
-        self._begin(0.5 * (self.stretches[0].end - float(self.state.numbers[_march.TIME])))
+        self._begin(0.5 * (self.stretches[0].end - t))
+        if found is None:
+            return
+        shifts = 1.5e-8 * np.maximum(np.abs(state.y), 1e-8)
+        away = -math.copysign(1.0, found[0]) * surface.half
+        place = state.y + away * float(16.0 * shifts.max() / np.abs(away).max())
+        here = self._rate(t, place)
+        for j, shift in enumerate(shifts):
+            shifted = place.copy()
+            shifted[j] += shift
+            state.jacobian[:, j] = (self._rate(t, shifted) - here) / (shifted[j] - place[j])
+        state.numbers[_march.KNOWN] = 1.0
 
     def _memory(self, t: float) -> Floats:
         """H of the components in memory at t, had nothing happened since the step's start."""

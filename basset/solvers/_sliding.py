@@ -17,31 +17,35 @@ from basset.kernels import Floats
 Rate = Callable[[float, Floats], Floats]
 
 WIDTH = 0.1  # of the layer on either side, in tolerances
-FARTHEST = 1e6  # half widths from the state to where the surface is looked for
+FARTHEST = 1e8  # half widths from the state to where the surface is looked for
 SWINGS = 16  # explicit steps that show whether the state is thrown back and forth
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Where `fun` jumps, sought from the state along `half`: half the width of the layer, in the direction of the jump."""
+    """Where `fun` jumps by about `jump`, sought from the state along `half`: on a layer half its width, in the direction of the jump."""
 
     half: Floats
+    jump: Floats
 
     def located(self, rate: Rate, t: float, y: Floats) -> tuple[float, Floats, Floats] | None:
         """(x, rates on either side) where the surface is at y + x·half; None without a jump."""
-        reach = 2.0
+        reach, widest = 2.0, int(np.argmax(np.abs(self.half)))
+        beside = max(1e-3, 4.0 * float(np.spacing(abs(y[widest])) / abs(self.half[widest])))  # not on the surface: sign(0) is neither side's
         while reach < FARTHEST:
             low, high, first = -reach, reach, rate(t, y - reach * self.half)
-            size = float((rate(t, y + reach * self.half) - first) @ self.half)
+            size = float((rate(t, y + reach * self.half) - first) @ self.jump)
             if size != 0.0:
-                while high - low > 1e-9 * reach:
+                while high - low > 1e-15 * reach:
                     middle = 0.5 * (low + high)
-                    if float((rate(t, y + middle * self.half) - first) @ self.half) / size < 0.5:
+                    if y[widest] + middle * self.half[widest] in (y[widest] + low * self.half[widest], y[widest] + high * self.half[widest]):
+                        break
+                    if float((rate(t, y + middle * self.half) - first) @ self.jump) / size < 0.5:
                         low = middle
                     else:
                         high = middle
-                before, after = rate(t, y + (low - 0.25) * self.half), rate(t, y + (high + 0.25) * self.half)
-                if abs(float((after - before) @ self.half)) > 0.5 * abs(size):
+                before, after = rate(t, y + (low - beside) * self.half), rate(t, y + (high + beside) * self.half)
+                if abs(float((after - before) @ self.jump)) > 0.5 * abs(size):
                     return 0.5 * (low + high), before, after
             reach *= 16.0
         return None
@@ -65,13 +69,17 @@ def mean(surfaces: Sequence[Surface], rate: Rate, t: float, y: Floats) -> Floats
     return result
 
 
-def swings(velocity: Rate, t: float, y: Floats, step: float) -> Floats | None:
-    """The jump of the rate if explicit steps lead from one side to the other and back, else None."""
-    rates = []
-    for _ in range(SWINGS):
-        rates.append(velocity(t, y))
+def swings(velocity: Rate, t: float, y: Floats, step: float) -> tuple[Floats, bool]:
+    """(largest change of the rate over some explicit steps, whether they lead back from there)."""
+    rates = [velocity(t, y)]
+    while len(rates) < SWINGS and np.abs(rates[-1]).max() <= 1e3 * np.abs(rates[0]).max():  # beyond, the steps diverge
         y = y + step * rates[-1]
-    found = np.array(rates[1:]) - rates[1]
-    jump = found[int(np.argmax((found**2).sum(axis=1)))]
-    over = found @ jump > 0.5 * (jump @ jump)
-    return jump if jump.any() and not over[int(np.argmax(over)) :].all() else None
+        rates.append(velocity(t, y))
+    jump = np.zeros_like(y)
+    for first in (rates[1], rates[0]) if len(rates) == SWINGS else ():  # the start may lie on the surface itself
+        found = np.array(rates[1:]) - first
+        jump = found[int(np.argmax(np.abs(found).max(axis=1)))]
+        over = found @ jump > 0.5 * (jump @ jump)
+        if jump.any() and not over[int(np.argmax(over)) :].all():
+            return jump, True
+    return jump, False

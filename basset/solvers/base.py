@@ -397,6 +397,10 @@ def solve(
     states, halving the step up to six times where it does not follow; what comes and goes within less is bounded by
     `max_step`. Fixed steps compare the nodes.
 
+    Where fun jumps with the state and both sides push into the jump, as friction that sticks, Collocation slides along it:
+    the rate is the mean of both sides that keeps the state there (Filippov), to a tenth of the tolerance. It ends in status −1
+    where the jump is not on a surface, or is crossed ever faster.
+
     Rest belongs to an event: when a flight between two of its jumps is shorter than 1e-10 of the time span, or no higher
     than rounding lets see (with fixed steps: shorter than a step, or not out of the surface again), the components that the
     jump reverses or stops are held at 0, without friction and without history force, until fun draws them off the surface
@@ -405,8 +409,8 @@ def solve(
 
     References
     ----------
-    Maxey & Riley (1983), Phys. Fluids 26, 883, for the equation of a sphere; thesis eq. 5-1. The jumps: this library. The
-    integration: `method.references`.
+    Maxey & Riley (1983), Phys. Fluids 26, 883, for the equation of a sphere; thesis eq. 5-1. Sliding: Filippov (1988),
+    Differential Equations with Discontinuous Righthand Sides. The jumps: this library. The integration: `method.references`.
 
     Examples
     --------

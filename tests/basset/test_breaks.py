@@ -185,3 +185,28 @@ def test_random_forces_with_jumps(drawn, named, rtol):
         parts += [size * reference.response(lag, rate, c, 1), slope * reference.response(lag, rate, c, 2)]
     largest = sum(np.abs(part).max() for part in parts)
     assert np.abs(result.sol(t)[0] - sum(parts)).max() <= FACTOR * rtol * max(largest, np.abs(sum(parts)).max())
+
+
+YEAR = 3.15576e7  # s
+
+
+@pytest.mark.parametrize("end", [1.0, YEAR])
+@pytest.mark.parametrize("rate", [1.0, 1e3, 1e5, 1e7, 1e9])
+def test_a_half_derivative_all_the_way(rate, end):
+    """D^½ y = −λy is erfcx(λ√t) at all times, to 1e-6 and 1e-9 of the start."""
+    result = basset.solve(lambda t, y: [0.0], (0.0, end), [1.0], coefficient=rate / math.sqrt(math.pi), dense_output=True)
+    t = end * np.geomspace(1e-18, 1.0, 200)
+    exact = erfcx(rate * np.sqrt(t))
+    assert result.status == 0, result.message
+    assert (np.abs(result.sol(t)[0] - exact) / (1e-9 + 1e-6 * exact)).max() <= FACTOR
+
+
+def test_plastic_of_a_tenth_of_a_millimetre_over_a_year():
+    """Density 0.9 of water's: λ = 18ν/(d²(s + ½)), c = 9/(s + ½) √(ν/π)/d, in SI: it rises at (s − 1)g/(s + ½)/λ after a second, all year."""
+    s, d, nu = 0.9, 1e-4, 1e-6
+    rate, c, pull = 18.0 * nu / (d * d * (s + 0.5)), 9.0 / (s + 0.5) * math.sqrt(nu / math.pi) / d, (1.0 - s) * 9.81 / (s + 0.5)
+    result = basset.solve(lambda t, y: [pull - rate * y[0]], (0.0, YEAR), [0.0], coefficient=c, dense_output=True)
+    t = YEAR * np.geomspace(1e-12, 1.0, 100)
+    exact = reference.settling(t, rate, c, -pull)
+    assert result.status == 0, result.message
+    assert (np.abs(result.sol(t)[0] - exact) / (1e-9 + 1e-6 * exact)).max() <= FACTOR

@@ -266,6 +266,21 @@ class TestFiniteReynolds:
         for t in (1e-3, 0.1, 0.7, 2.0):
             assert abs(self.defect(result.sol, fun, 0.6, kernel, t)) <= FACTOR * rtol
 
+    @pytest.mark.parametrize("kernel", list(KERNELS.values())[1:], ids=list(KERNELS)[1:])
+    @pytest.mark.parametrize("rtol", [1e-9, 1e-10])
+    def test_at_fine_tolerances_too(self, kernel, rtol):
+        result = basset.solve(lambda t, y: -y, (0.0, 2.0), [1.0], coefficient=0.6, kernel=kernel, method=basset.Collocation(rtol=rtol), dense_output=True)
+        assert result.status == 0, result.message
+        for t in (1e-3, 0.1, 0.7, 2.0):
+            assert abs(self.defect(result.sol, lambda t, y: -y, 0.6, kernel, t)) <= FACTOR * rtol
+
+    @pytest.mark.parametrize("kernel", list(KERNELS.values())[1:], ids=list(KERNELS)[1:])
+    @pytest.mark.parametrize("rtol", [1e-11, 1e-12])
+    def test_finer_ones_are_refused(self, kernel, rtol):
+        result = basset.solve(lambda t, y: -y, (0.0, 2.0), [1.0], coefficient=0.6, kernel=kernel, method=basset.Collocation(rtol=rtol))
+        assert result.status == -1
+        assert result.message.startswith("rtol must be at least 1e-10 with MeiAdrianKernel(")
+
     def test_no_slip_is_the_basset_kernel(self):
         case = relaxing(1.0, 0.6, 2.0)
         t, exact = case.path
