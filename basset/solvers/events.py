@@ -119,8 +119,18 @@ def _entry_of(functions, k):
 
 
 @shared
+def copy(source: Floats, target: Floats) -> None:
+    """All of `source` into `target`."""
+    for a in range(len(source)):
+        target[a] = source[a]
+
+
+@shared
 def state_at(step: Step, theta: float, row: Floats) -> None:
-    """All states at θ of the step, into `row`."""
+    """All states at θ of the step, into `row`; at its start those that it started from."""
+    if theta == 0.0:
+        copy(step.y, row)
+        return
     polynomial, y = step.polynomial, step.y
     x = 2.0 * (math.sqrt(theta) if step.kind == 1 else theta) - 1.0
     for a in range(len(y)):
@@ -130,13 +140,6 @@ def state_at(step: Step, theta: float, row: Floats) -> None:
         older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
         for a in range(len(y)):
             row[a] += polynomial[d, a] * newer
-
-
-@shared
-def copy(source: Floats, target: Floats) -> None:
-    """All of `source` into `target`."""
-    for a in range(len(source)):
-        target[a] = source[a]
 
 
 @shared
