@@ -130,7 +130,9 @@ class Engine:
         self.across = None if scene.in_plane else 1.0
         self.turning = None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.model = flight.Model(numbers.alpha, self.profile, forces, torque, self.across, self.turning)
+        floor = -math.inf if isinstance(scene.profile, Still) else scene.profile.floor
+        kinks = (floor - 0.5, floor, floor + 0.5) if "lift" in names else (floor, floor, floor)
+        self.model = flight.Model(numbers.alpha, self.profile, kinks, forces, torque, self.across, self.turning)
         self.dimensions = 2 if scene.in_plane else 3
         self.states = 2 * self.dimensions + (0 if self.rotation is None else 1 if scene.in_plane else 3)
         self.members = self.dimensions if "history" in names else 0
@@ -244,9 +246,10 @@ class Grain:
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
         first = engine.first() if start is None else start
         y = engine.state_of(first)
-        places = np.zeros(13)
+        places = np.zeros(flight.NUMBERS)
         places[_march.STEP] = places[_march.FIRST] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         places[_march.SINGULAR] = float(members > 0)
+        places[flight.LAYER], places[flight.SCALE] = flight.layer_of(engine.model, first.position[2]), 1.0
         jump = y[d : d + members].copy()
         self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
         self.spin = np.array(first.spin, dtype=np.float64)

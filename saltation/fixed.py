@@ -80,7 +80,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[0, a] = y[a]
                 for stage in range(4):
-                    flight.rates_of(model, spin, states, stage, states[5:])
+                    flight.rates_of(model, spin, states, stage, states[5:], flight.layer_of(model, states[stage, d - 1]))
                     for a in range(m):
                         states[5 + stage, d + a] -= problem.strength[a] * history[a]
                     share = (0.5, 0.5, 1.0, 0.0)[stage]
@@ -89,7 +89,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                             states[stage + 1, a] = y[a] + share * dt * states[5 + stage, a]
                 for a in range(n):
                     states[4, a] = y[a] + dt / 6.0 * (states[5, a] + 2.0 * states[6, a] + 2.0 * states[7, a] + states[8, a])
-                flight.rates_of(model, spin, states, 4, states[5:])
+                flight.rates_of(model, spin, states, 4, states[5:], flight.layer_of(model, states[4, d - 1]))
                 for a in range(m):
                     states[9, d + a] = (states[9, d + a] - problem.strength[a] * tail[a]) / (1.0 + problem.strength[a] * local)
             else:
@@ -104,7 +104,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     change = 0.0
                     for a in range(n):
                         states[4, a] = states[0, a] + lead * states[9, a]
-                    flight.rates_of(model, spin, states, 4, states[6:])
+                    flight.rates_of(model, spin, states, 4, states[6:], flight.layer_of(model, states[4, d - 1]))
                     for a in range(n):
                         new = states[10, a]
                         if d <= a < d + m:
@@ -229,7 +229,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     def rate() -> Floats:
         here = np.vstack([state.y, state.y])
         out = np.zeros_like(here)
-        flight.rates_of(engine.model, grain.spin, here, 0, out)
+        flight.rates_of(engine.model, grain.spin, here, 0, out, flight.layer_of(engine.model, here[0, d - 1]))
         if m:
             out[0, d : d + m] -= engine.problem.strength * stream.history
         return np.asarray(out[0])

@@ -4,7 +4,8 @@ States y are x, [y,] z, slip u − u_f in the same directions, and the spin wher
 three in space): what a scene does not name is not there. Slips, not velocities, because they are what the history acts on;
 at an impact both jump alike. Steps, tables, error estimates and memory are those of `basset.solvers._march`; the stages are
 solved by a Newton iteration with a diagonal Jacobian, which handles stiff drag at a fraction of the price of a full one.
-Impacts are found on the step's polynomial, the step is cut there and the memory advanced to the cut exactly.
+Impacts are found on the step's polynomial, the step is cut there and the memory advanced to the cut exactly. So are crossings
+of the levels at which the stream, or the lift by it, has a kink: up to there a step sees the stream continued smoothly.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ from saltation._random import Draws, uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
 from saltation.effects.base import Situation, force, torque, total_force
-from saltation.flow import both
+from saltation.flow import both, continued
 from saltation.grain import Triple
 
 # why `fly` came back, beside the codes of basset's march
@@ -55,6 +56,9 @@ JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 
 # places in `flight`
 START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+
+# places in `State.numbers`, behind those of the march: how many kinks lie below the grain; unit of the absolute tolerance, V
+LAYER, SCALE, NUMBERS = 15, 16, 17
 
 # columns of the table of jumps, as recorded: takeoff, flight, impact
 COLUMNS = (
@@ -66,14 +70,20 @@ COLUMNS = (
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 TOLERANCE = 0.03  # of the step's error, for the stages
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
+SLOWEST = 1e-3  # V: so small at least is the unit of the absolute tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
 class Model(NamedTuple):
-    """What moves the grain: α, the stream, forces, torque; `across` and `turning` are None where those states do not exist."""
+    """What moves the grain: α, the stream, heights of its centre where rates have a kink, forces, torque.
+
+    `kinks` (d, rising): the stream begins at the lower lift point, the centre, the upper lift point; without lift, three times
+    at the centre. `across` and `turning` are None where those states do not exist.
+    """
 
     alpha: float
     profile: Any
+    kinks: tuple[float, float, float]
     forces: Any
     torque: Any
     across: Any
@@ -143,8 +153,14 @@ class Limits(NamedTuple):
 
 
 @shared
-def rates_of(model: Model, spin: Floats, states: Floats, i: int, out: Floats) -> None:
-    """Rates without history of row i of `states`, into row i of `out`."""
+def layer_of(model: Model, z: float) -> float:
+    """How many kinks lie below z."""
+    return float((z > model.kinks[0]) + (z > model.kinks[1]) + (z > model.kinks[2]))
+
+
+@shared
+def rates_of(model: Model, spin: Floats, states: Floats, i: int, out: Floats, layer: float) -> None:
+    """Rates without history of row i of `states`, into row i of `out`, as in that layer between two kinks."""
     if model.across is None:
         z, sx, sy, sz = states[i, 1], states[i, 2], 0.0, states[i, 3]
     else:
@@ -155,8 +171,9 @@ def rates_of(model: Model, spin: Floats, states: Floats, i: int, out: Floats) ->
         ox, oy, oz = 0.0, states[i, 4], 0.0
     else:
         ox, oy, oz = states[i, 6], states[i, 7], states[i, 8]
-    stream, shear = both(model.profile, z)
-    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz)
+    ahead = model.kinks[1] + 0.5 * layer - 0.75 - z  # to the middle of the layer: kinks are half a diameter apart
+    stream, shear = continued(model.profile, z, ahead)
+    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz, ahead)
     fx, fy, fz = total_force(model.forces, s)
     if model.across is None:
         out[i, 0], out[i, 1] = sx + stream, sz
@@ -296,10 +313,10 @@ def differentiate(model: Model, spin: Floats, state: State, first: int, work: Wo
     here, out, y, diagonal = work.here, work.out, state.y, work.diagonal
     for a in range(len(y)):
         here[0, a] = here[1, a] = y[a]
-    rates_of(model, spin, here, 0, out)
+    rates_of(model, spin, here, 0, out, state.numbers[LAYER])
     for a in range(first, len(y)):
         here[1, a] = y[a] + 1.5e-8 * max(abs(y[a]), 1e-3)
-        rates_of(model, spin, here, 1, out)
+        rates_of(model, spin, here, 1, out, state.numbers[LAYER])
         diagonal[a] = min(0.0, (out[1, a] - out[0, a]) / (here[1, a] - y[a]))
         here[1, a] = y[a]
     members = 2 if model.across is None else 3  # one number for the slips and one for the spins: one inverse each
@@ -338,7 +355,7 @@ def predict(model: Model, spin: Floats, problem: Problem, nodes: Nodes, tables: 
     here, out = work.here, work.out
     for a in range(n):
         here[0, a] = y[a]
-    rates_of(model, spin, here, 0, out)
+    rates_of(model, spin, here, 0, out, numbers[LAYER])
     singular = numbers[SINGULAR] == 1.0
     for i in range(count):
         for a in range(n):
@@ -443,7 +460,7 @@ def solve_stages(
                 return -iteration
             previous = size
         for i in range(count):
-            rates_of(model, spin, states, i, rates)
+            rates_of(model, spin, states, i, rates, numbers[LAYER])
             if finite is not None:
                 for a in range(members):
                     extra[i, a] = 0.0
@@ -453,10 +470,19 @@ def solve_stages(
 
 
 @shared
+def at_scale(problem: Problem, scale: float) -> Problem:
+    """The problem with its absolute tolerance in another unit, V."""
+    atol = scale * problem.atol
+    p = problem
+    return Problem(p.end, p.span, p.limit, p.floor, p.rtol, atol, p.max_steps, p.where, p.strength, p.first, p.last)
+
+
+@shared
 def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
     first = 2 if model.across is None else 3  # the slips, one per dimension; spins follow
+    problem = at_scale(problem, numbers[SCALE])
     while True:
         code: int = choose(problem, tables, state)
         if code != ACCEPTED:
@@ -476,7 +502,7 @@ def attempt(model: Model, finite: Finite | None, spin: Floats, problem: Problem,
             power = 0.5 * (count + 1)
             states_between(nodes, state, values, work.states)
             for i in range(count):
-                rates_of(model, spin, work.states, i, work.rates)
+                rates_of(model, spin, work.states, i, work.rates, numbers[LAYER])
                 if finite is not None:
                     slot = int(numbers[SLOT])
                     for a in range(len(problem.where)):
@@ -620,6 +646,56 @@ def root_of_gap(
 
 
 @shared
+def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float, states: Floats) -> float:
+    """θ at which the step leaves its layer between two kinks, 2 if it does not; `states` at its stages, the end among them."""
+    d = 2 if model.across is None else 3
+    k = int(layer)
+    low = model.kinks[k - 1] if k > 0 else -math.inf
+    high = model.kinks[k] if k < 3 else math.inf
+    least = most = y[d - 1]
+    for i in range(len(states)):
+        least, most = min(least, states[i, d - 1]), max(most, states[i, d - 1])
+    reach = most - least  # between stages it goes no farther beyond them
+    if least - reach >= low and most + reach <= high:
+        return 2.0
+    places = 2 * len(polynomial) + 1
+    before, earlier = 0.0, y[2 * d - 1]
+    for i in range(1, places + 1):
+        after = i / places
+        if kind == 1:
+            after *= after
+        later = at(polynomial, y, kind, after, 2 * d - 1)
+        for trial in range(2):  # where it turns, and at the end
+            place = after
+            if trial == 0:
+                if earlier * later >= 0.0:
+                    continue
+                place = root_of(polynomial, y, kind, 2 * d - 1, 0.0, earlier > 0.0, before, after)
+            z = at(polynomial, y, kind, place, d - 1)
+            if z < low:
+                return root_of(polynomial, y, kind, d - 1, low, True, before, place)
+            if z > high:
+                return root_of(polynomial, y, kind, d - 1, high, False, before, place)
+        before, earlier = after, later
+    return 2.0
+
+
+@shared
+def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, falls: bool, low: float, high: float) -> float:
+    """The first θ found beyond `level` of state a, which crosses it between `low` and `high`, by bisection."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        value = at(polynomial, y, kind, middle, a)
+        if value < level if falls else value > level:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@shared
 def cut_memory(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
     """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
     count, members = len(nodes.c), len(problem.where)
@@ -716,6 +792,7 @@ def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float,
     """Start the account of a new flight."""
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
+    state.numbers[SCALE] = min(1.0, max(SLOWEST, w))
 
 
 @shared
@@ -794,10 +871,30 @@ def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stre
     s[d], s[2 * d - 1] = u - stream, w
     if model.across is not None:
         s[d + 1] = v
-    since, size = numbers[TIME] - numbers[JUMPED], numbers[FIRST]
+    restart(problem, numbers, numbers[FIRST])
+
+
+@shared
+def restart(problem: Problem, numbers: Floats, size: float) -> None:
+    """Steps start small again, `size` at most, at a jump of the slip or of its rate."""
+    since = numbers[TIME] - numbers[JUMPED]
     numbers[JUMPED] = numbers[TIME]
     numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
     numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
+
+
+@shared
+def cross(model: Model, problem: Problem, state: State, work: Work) -> None:
+    """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
+    d = 2 if model.across is None else 3
+    z, numbers = state.y[d - 1], state.numbers
+    k = int(numbers[LAYER])
+    if k > 0 and (k == 3 or abs(z - model.kinks[k - 1]) < abs(z - model.kinks[k])):
+        numbers[LAYER] = layer_of(model, model.kinks[k - 1] - 0.25)
+    else:
+        numbers[LAYER] = layer_of(model, model.kinks[k] + 0.25)
+    restart(problem, numbers, numbers[FIRST] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
+    work.past[0] = 0.0
 
 
 @shared
@@ -867,12 +964,13 @@ def land(
 
 
 class Record(NamedTuple):
-    """Accepted steps: start, size, kind, the share that was flown, state at the start, node values."""
+    """Accepted steps: start, size, kind, the share that was flown, whether the bed ended it, state at the start, node values."""
 
     start: Floats
     size: Floats
     kind: Floats
     share: Floats
+    impact: Floats
     y: Floats
     values: Floats
 
@@ -915,9 +1013,9 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             code = attempt(model, memory.finite, spin, problem, nodes, tables, state, values, work)
             if code != ACCEPTED:
                 return code, done
-            h, kind, theta = numbers[STEP], int(numbers[SINGULAR]), 1.0
-            record.share[done] = 1.0
-            contact = 2.0
+            h, kind = numbers[STEP], int(numbers[SINGULAR])
+            record.share[done], record.impact[done] = 1.0, 0.0
+            contact, kink = 2.0, 2.0
             fit_polynomial(nodes, rise, kind, h, values, work.polynomial)
             if bed is not None:
                 near = state.y[d - 1] < bed.highest
@@ -927,15 +1025,20 @@ def _make_fly(digest: str) -> Callable[..., Any]:
                     draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
                     fresh = numbers[TIME] == flight[START]
                     contact = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
-            watch(model, work.polynomial, state.y, kind, h, min(contact, 1.0), flight)
-            if contact > 1.0:
+            if h > 2.0 * problem.floor:
+                kink = leaving(model, work.polynomial, state.y, kind, numbers[LAYER], work.states)
+            theta = min(contact, kink)
+            watch(model, work.polynomial, state.y, kind, h, min(theta, 1.0), flight)
+            if theta > 1.0:
                 keep_rate(nodes, kind, h, values, work)
                 accept(problem, nodes, tables, state, values, record, int(done))
+                if h <= 2.0 * problem.floor:
+                    numbers[LAYER] = layer_of(model, state.y[d - 1])
                 if recording:
                     done += 1
                 continue
-            theta = contact
             record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], h, kind, theta
+            record.impact[done] = 1.0 if contact <= kink else 0.0
             for a in range(len(state.y)):
                 record.y[done, a] = state.y[a]
                 for k in range(count):
@@ -943,6 +1046,9 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             cut_step(problem, nodes, memory, cut, state, theta, values, work)
             if recording:
                 done += 1
+            if kink < contact:
+                cross(model, problem, state, work)
+                continue
             code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)
             if code != ACCEPTED:
                 return code, done
