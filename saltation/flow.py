@@ -219,10 +219,10 @@ class LogLaw(Profile):
 OCTAVES = (-24, 14)  # heights 2^-24 d to 2^14 d
 CELLS = 8  # per octave
 DEGREE = 9
-HIGHEST = math.ldexp(1.0, OCTAVES[1])
+LOWEST, HIGHEST = math.ldexp(1.0, OCTAVES[0]), math.ldexp(1.0, OCTAVES[1])
 BELOW = math.nextafter(HIGHEST, 0.0)
 LAST = CELLS * (OCTAVES[1] - OCTAVES[0])  # the cell above the floor
-BENT = 0.1  # how far the profile leaves its tangent in that cell
+SMOOTH = 1e-13  # the last Chebyshev coefficient of that cell over the largest
 
 
 class Tabulated(NamedTuple):
@@ -263,7 +263,7 @@ class Tabulated(NamedTuple):
         """As `both`, but smooth across the floor: from the side on which z + ahead lies."""
         if z + ahead <= self.floor:
             return 0.0, 0.0
-        if z > self.floor:
+        if z > self.floor + LOWEST:
             return both(self, z)
         x = 2.0 * (z - self.floor) / self.width - 1.0
         rest = min(0.0, x + 3.0)  # from there on straight
@@ -285,18 +285,19 @@ def tabulated(profile: Profile) -> Tabulated:
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     edges = np.ldexp(1.0 + np.arange(CELLS) / CELLS, np.arange(*OCTAVES)[:, None]).ravel()
     widths = np.repeat(np.ldexp(1.0 / CELLS, np.arange(*OCTAVES)), CELLS)
-    lowest, width = profile.floor + float(widths[0]), float(widths[0])
-    while width < 0.25 and abs(profile.extended(profile.floor + width)[0] / (width * profile.extended(lowest)[1]) - 1.0) < BENT:
-        width *= 2.0
-    edges, widths = np.append(edges, profile.floor), np.append(widths, width)
+    above = np.ldexp(1.0, np.arange(OCTAVES[0], -1))  # widths of cells above the floor: the widest that is exact
+    edges, widths = np.append(edges, np.full(len(above), profile.floor)), np.append(widths, above)
     heights = edges[:, None] + 0.5 * widths[:, None] * (1.0 + nodes)
     velocity = np.array([[profile.extended(z)[0] for z in row] for row in heights])
     values = chebyshev.chebvander(nodes, DEGREE)
     coefficients = np.linalg.solve(values, velocity.T)
+    exact = np.abs(coefficients[-1, LAST:]) <= SMOOTH * np.abs(coefficients[:, LAST:]).max(axis=0)
+    widest = int(np.argmax(exact * above))
+    coefficients = coefficients[:, [*range(LAST), LAST + widest]]
     monomials = np.array([np.pad(poly, (0, DEGREE + 1 - len(poly))) for poly in (chebyshev.cheb2poly(c) for c in coefficients.T)])
     cells = np.ascontiguousarray(monomials)
     KEPT.append(cells)
-    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], width, cells.ctypes.data)
+    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], float(above[widest]), cells.ctypes.data)
 
 
 both = method("both", 1)
