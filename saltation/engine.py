@@ -67,15 +67,16 @@ class Tables:
 
 
 @lru_cache(maxsize=16)
-def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN) -> Tables:
-    """Shared tables; horizon None: no memory."""
+def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0) -> Tables:
+    """Shared tables; horizon None: no memory. `faint`: the history of lags up to here is below the tolerance, d/V."""
     if horizon is None:
         return Tables(stages, None, floor, span)
     near = max(floor * stages_of(stages).c[0], horizon / RANGE)
     far = max(horizon, 10.0 * near)
     while True:
         try:
-            return Tables(stages, ExponentialSum.fit(near, far, rtol), near / stages_of(stages).c[0], span)
+            shortest = max(floor, near) if near <= faint else near / stages_of(stages).c[0]
+            return Tables(stages, ExponentialSum.fit(near, far, rtol), shortest, span)
         except ValueError:
             if rtol > 1e-4:
                 raise
@@ -102,7 +103,7 @@ def first_horizon(scene: Any) -> float:
     if scene.widens:
         return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
     needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
-    return float(min(scene.horizon, max(EASY, needed)))
+    return float(min(scene.horizon, max(min(EASY, 1e9 * relaxation(scene)), needed)))
 
 
 def relaxation(scene: Any) -> float:
@@ -154,7 +155,8 @@ class Engine:
             longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
             span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
         floor = min(FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, 0.01 * relaxation(scene))
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span)
+        faint = (tolerance / numbers.history) ** 2 if self.members else 0.0  # c √lag: the share of a change of slip that is lost
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span, faint)
         self.end = end
         if scene.widens and horizon is not None:
             end = min(end, horizon)  # then a longer memory takes over

@@ -1046,12 +1046,13 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             cut_step(problem, nodes, memory, cut, state, theta, values, work)
             if recording:
                 done += 1
-            if kink < contact:
-                cross(model, problem, state, work)
-                continue
-            code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)
-            if code != ACCEPTED:
-                return code, done
+            if bed is not None:  # without a bed `land` is not compiled
+                if contact <= kink:
+                    code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps, prescribed)
+                    if code != ACCEPTED:
+                        return code, done
+                    continue
+            cross(model, problem, state, work)
 
     return fly
 
