@@ -70,7 +70,7 @@ COLUMNS = (
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 TOLERANCE = 0.03  # of the step's error, for the stages
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
-SLOWEST = 1e-3  # V: so small at least is the unit of the absolute tolerance
+SHORTEST = 0.02  # V: so small at least is the unit of the absolute tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
@@ -789,10 +789,10 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 @shared
 def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight."""
+    """Start the account of a new flight; the absolute tolerance follows the flight before where that was short against d/V."""
+    state.numbers[SCALE] = min(1.0, max(SHORTEST, 2.0 * (state.numbers[TIME] - flight[START])))
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
-    state.numbers[SCALE] = min(1.0, max(SLOWEST, w))
 
 
 @shared
