@@ -57,7 +57,7 @@ JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 # places in `flight`
 START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
 
-# places in `State.numbers`, behind those of the march: how many kinks lie below the grain; unit of the absolute tolerance, V
+# places in `State.numbers`, behind those of the march: how many kinks lie below the grain; factor of the tolerance
 LAYER, SCALE, NUMBERS = 15, 16, 17
 
 # columns of the table of jumps, as recorded: takeoff, flight, impact
@@ -70,7 +70,7 @@ COLUMNS = (
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 TOLERANCE = 0.03  # of the step's error, for the stages
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
-SHORTEST = 0.02  # V: so small at least is the unit of the absolute tolerance
+SHORTEST = 0.02  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
@@ -471,10 +471,9 @@ def solve_stages(
 
 @shared
 def at_scale(problem: Problem, scale: float) -> Problem:
-    """The problem with its absolute tolerance in another unit, V."""
-    atol = scale * problem.atol
+    """The problem with its tolerances times `scale`."""
     p = problem
-    return Problem(p.end, p.span, p.limit, p.floor, p.rtol, atol, p.max_steps, p.where, p.strength, p.first, p.last)
+    return Problem(p.end, p.span, p.limit, p.floor, scale * p.rtol, scale * p.atol, p.max_steps, p.where, p.strength, p.first, p.last)
 
 
 @shared
@@ -789,7 +788,7 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 @shared
 def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight; the absolute tolerance follows the flight before where that was short against d/V."""
+    """Start the account of a new flight; the tolerance follows the flight before where that was short against d/V."""
     state.numbers[SCALE] = min(1.0, max(SHORTEST, 2.0 * (state.numbers[TIME] - flight[START])))
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
