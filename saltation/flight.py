@@ -788,8 +788,9 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 @shared
 def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight; the tolerance follows the flight before where that was short against d/V."""
-    state.numbers[SCALE] = min(1.0, max(SHORTEST, 2.0 * (state.numbers[TIME] - flight[START])))
+    """Start the account of a new flight; the tolerance follows its likely length, by the one before, where that is short against d/V."""
+    likely = (state.numbers[TIME] - flight[START]) * min(1.0, max(0.0, w) / max(flight[W], 1e-300))
+    state.numbers[SCALE] = min(1.0, max(SHORTEST, likely))
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
 
@@ -1084,7 +1085,7 @@ def _make_budget(digest: str) -> Callable[..., Any]:
         digest  # noqa: B018 - part of the cache key
         for i in range(len(situations)):
             r = situations[i]
-            each_force(model.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), out, i, 0)
+            each_force(model.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], 0.0), out, i, 0)
             for k in range(out.shape[1]):
                 out[i, k] *= model.alpha
 

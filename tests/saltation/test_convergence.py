@@ -154,4 +154,17 @@ def test_of_short_jumps(name):
     exact, found = np.moveaxis(np.array(rows), 1, 0)
     errors = np.abs(found - exact) / np.maximum(np.abs(found), np.abs(found).mean(axis=0))
     assert np.isfinite(errors).all(axis=1).sum() >= 27  # a step too short for the memory ends a few of the tighter ones
-    assert np.nanmax(errors[1:]) <= 1.5 * rtol and np.nanmedian(errors) <= 0.1 * rtol
+    assert np.nanmax(errors[1:]) <= 2.0 * rtol and np.nanmedian(errors) <= 0.1 * rtol
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-7])
+@pytest.mark.parametrize("profile", ["swamee", "reichardt", "constant_b"])
+def test_steps_end_where_the_stream_begins(profile, rtol):
+    """Literal contact angles take grains below the floor of the stream and back: no step is too small, the slip goes on."""
+    changes = {"channel": {"profile": profile}, "bed": {"roughness": "R5", "reading": "literal"}, "run": {"jumps": 40, "discard": 0, "trajectory": True}}
+    found = made("sand", rtol, **changes)
+    result = saltation.run(found)
+    assert result.status == "finished", result.message
+    z = result.trajectory["z"].to_numpy()
+    assert z.min() < found.profile.floor < z.max()
+    assert np.abs(z - found.profile.floor).min() < 1e-12
