@@ -132,7 +132,7 @@ class TestAgainstTheSolverOfBasset:
 
         def rates(t, y):
             out = np.zeros((1, len(y)))
-            flight.rates_of(engine.model, np.zeros(3), y[None, :], 0, out)
+            flight.rates_of(engine.model, np.zeros(3), y[None, :], 0, out, flight.layer_of(engine.model, y[engine.dimensions - 1]))
             return out[0]
 
         return rates
