@@ -533,7 +533,7 @@ def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]
 
 
 def method(name: str, arguments: int) -> Callable[..., Any]:
-    """A function (self, …) that calls the method `name` of a NamedTuple with 1 or 3 arguments, in compiled code too.
+    """A function (self, …) that calls the method `name` of a NamedTuple with 1, 2 or 3 arguments, in compiled code too.
 
     Types select: in compiled code the method is found when the caller is compiled, so a tuple of NamedTuples is a family of
     interchangeable parts without branches, and new parameter values never recompile.
@@ -541,6 +541,9 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
 
     def one(self: Any, a: Any) -> Any:
         return getattr(self, name)(a)
+
+    def two(self: Any, a: Any, b: Any) -> Any:
+        return getattr(self, name)(a, b)
 
     def three(self: Any, a: Any, b: Any, c: Any) -> Any:
         return getattr(self, name)(a, b, c)
@@ -553,6 +556,14 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
 
         return call
 
+    def compiled_two(self, a, b):
+        found = compiler().extending.register_jitable(getattr(self.instance_class, name))
+
+        def call(self, a, b):
+            return found(self, a, b)
+
+        return call
+
     def compiled_three(self, a, b, c):
         found = compiler().extending.register_jitable(getattr(self.instance_class, name))
 
@@ -561,7 +572,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
 
         return call
 
-    plain, form = (one, compiled_one) if arguments == 1 else (three, compiled_three)
+    plain, form = ((one, compiled_one), (two, compiled_two), (three, compiled_three))[arguments - 1]
     overloads(plain)(form)
     return plain
 

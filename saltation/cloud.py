@@ -91,13 +91,15 @@ class Cloud:
         crowd = self.crowd
         for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
             crowd.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
-            crowd.spin[i] = spin
+            crowd.spin[i, :3] = spin
             crowd.flight[i, [flight.X, flight.Y, flight.Z]] = position
             crowd.flight[i, flight.TOP] = position[2]
             crowd.flight[i, [flight.U, flight.V, flight.W]] = velocity
         crowd.jump[:] = crowd.y[:, d : d + members]
         crowd.numbers[:, [_march.STEP, _march.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         crowd.numbers[:, _march.SINGULAR] = float(members > 0)
+        crowd.spin[:, 3] = [flight.layer_of(engine.model, z) for z in crowd.flight[:, flight.Z]]
+        crowd.numbers[:, flight.SCALE] = 1.0
         self.world = self._world() if "encounters" in scene.names else None
         cells = self.world.along * self.world.across if self.world is not None else 0
         self.heads = np.full(cells, -1, dtype=np.int32)
@@ -113,7 +115,7 @@ class Cloud:
             engine.problem._replace(end=math.inf, rtol=COARSE * engine.problem.rtol, atol=COARSE * engine.problem.atol),
         )
         self.jacobian, self.work, self.other = np.zeros((1, 1)), room(stages, engine.states, members), np.zeros((stages + 1, engine.states))
-        shapes: tuple[Any, ...] = (1, 1, 1, 1, (1, engine.states), (1, stages, engine.states))
+        shapes: tuple[Any, ...] = (1, 1, 1, 1, 1, (1, engine.states), (1, stages, engine.states))
         self.record = flight.Record(*(np.zeros(shape) for shape in shapes))
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(flight.COLUMNS))), np.zeros(rows, dtype=np.int32)
@@ -154,7 +156,7 @@ class Cloud:
     def tabulate(self) -> None:
         """Make the tables of the steps in hand: in a run that goes on, another process had them."""
         tables = self.engine.tables
-        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, (encounters.STEP_END, encounters.IMPACT, encounters.ENCOUNTER, encounters.SEEK))]:
+        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, (encounters.STEP_END, encounters.IMPACT, encounters.KINK, encounters.ENCOUNTER, encounters.SEEK))]:
             h, slot, singular = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
             if tables.tables.sizes[slot, singular] != h:
                 tables.fill(h, slot, singular)

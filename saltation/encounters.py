@@ -26,7 +26,7 @@ from saltation._random import uniforms
 from saltation.bed.contact import strike_pair
 from saltation.flow import both
 
-STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH = range(8)  # what a grain's next event is
+STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH, KINK = range(9)  # what a grain's next event is
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` came back, beside the codes of a flight
 BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Crowd.path`
 REACH = 2.0  # d: half a step's path is at most this long
@@ -493,9 +493,12 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         h, singular = numbers[STEP], int(numbers[SINGULAR])
         _march.fit_polynomial(nodes, singular, h, crowd.values[i], work.polynomial)
         contact = contact_in(parts.bed, model, nodes, state, singular, account, i, work)
-        share = min(contact, 1.0)
+        kink = 2.0
+        if h > 2.0 * problem.floor:
+            kink = flight.leaving(model, work.polynomial, state.y, singular, crowd.spin[i, 3], work.states)
+        share = min(contact, kink, 1.0)
         crowd.share[i] = share
-        crowd.own[i] = STEP_END if contact > 1.0 else IMPACT
+        crowd.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
         path = crowd.path[i]
         path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
         if world is None:
@@ -550,8 +553,13 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jac
         flight.watch(parts.model, work.polynomial, state.y, singular, h, 1.0, crowd.flight[i])
         crowd.before[i] = 0.0 if singular == 1 else h
         _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
+        if h <= 2.0 * parts.problem.floor:
+            crowd.spin[i, 3] = flight.layer_of(parts.model, state.y[parts.model.dimensions - 1])
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i], jacobian, work)
+    if crowd.own[i] == KINK:
+        flight.cross(parts.model, parts.problem, state, crowd.spin[i], room_of(crowd, i, work))
+        return ACCEPTED
     count = logs.count
     crowd.flight[i, flight.DONE] = count[0]
     logs.owners[count[0]] = i
@@ -737,7 +745,7 @@ flush = compiled(_make_flush, allocates=False)
 def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int) -> Crowd:
     """Room for so many grains, all about to plan their first step."""
     shapes: dict[str, tuple[int, ...]] = {
-        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (13,), "spin": (3,), "flight": (14,),
+        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (flight.NUMBERS,), "spin": (4,), "flight": (14,),
         "values": (stages, states), "before": (), "diagonal": (states,), "share": (), "path": (12,),
         "clock": (), "calm": (),
     }  # fmt: skip

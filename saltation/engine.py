@@ -66,15 +66,16 @@ class Tables:
 
 
 @lru_cache(maxsize=16)
-def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN) -> Tables:
-    """Shared tables; horizon None: no memory."""
+def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0) -> Tables:
+    """Shared tables; horizon None: no memory. `faint`: the history of lags up to here is below the tolerance, d/V."""
     if horizon is None:
         return Tables(stages, None, floor, span)
     near = max(floor * stages_of(stages).c[0], horizon / RANGE)
     far = max(horizon, 10.0 * near)
     while True:
         try:
-            return Tables(stages, ExponentialSum.fit(near, far, rtol), near / stages_of(stages).c[0], span)
+            shortest = max(floor, near) if near <= faint else near / stages_of(stages).c[0]
+            return Tables(stages, ExponentialSum.fit(near, far, rtol), shortest, span)
         except ValueError:
             if rtol > 1e-4:
                 raise
@@ -101,7 +102,7 @@ def first_horizon(scene: Any) -> float:
     if scene.widens:
         return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
     needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
-    return float(min(scene.horizon, max(EASY, needed)))
+    return float(min(scene.horizon, max(min(EASY, 1e9 * relaxation(scene)), needed)))
 
 
 def relaxation(scene: Any) -> float:
@@ -129,13 +130,15 @@ class Engine:
         self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
         forces = tuple(built[name] for name in self.force_names)
         self.rotation = built.get("rotation")
+        floor = -math.inf if isinstance(scene.profile, Still) else scene.profile.floor
+        kinks = (floor - 0.5, floor, floor + 0.5) if "lift" in names else (floor, floor, floor)
         self.dimensions = 2 if scene.in_plane else 3
         across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.equation = flight.Equation(numbers.alpha, self.profile, forces, torque, across, turning)
+        self.equation = flight.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
         rates, self._data = flight.rates_entry(self.equation)
         spins = 0 if self.rotation is None else 1 if scene.in_plane else 3
-        self.model = flight.Model(rates, tabulated(scene.profile), self.dimensions, spins)
+        self.model = flight.Model(rates, tabulated(scene.profile), kinks, self.dimensions, spins)
         self.states = 2 * self.dimensions + spins
         self.members = self.dimensions if "history" in names else 0
         self.prescribed = None
@@ -156,7 +159,8 @@ class Engine:
             longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
             span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
         floor = min(FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, 0.01 * relaxation(scene))
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span)
+        faint = (tolerance / numbers.history) ** 2 if self.members else 0.0  # c √lag: the share of a change of slip that is lost
+        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span, faint)
         self.end = end
         if scene.widens and horizon is not None:
             end = min(end, horizon)  # then a longer memory takes over
@@ -257,12 +261,13 @@ class Grain:
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
         first = engine.first() if start is None else start
         y = engine.state_of(first)
-        places = np.zeros(13)
+        places = np.zeros(flight.NUMBERS)
         places[_march.STEP] = places[_march.FIRST] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         places[_march.SINGULAR] = float(members > 0)
+        places[flight.SCALE] = 1.0
         jump = y[d : d + members].copy()
         self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
-        self.spin = np.array(first.spin, dtype=np.float64)
+        self.spin = np.array([*first.spin, flight.layer_of(engine.model, first.position[2])])
         self.flight = np.zeros(14)
         self.flight[[flight.X, flight.Y, flight.Z]] = first.position
         self.flight[flight.TOP] = first.position[2]

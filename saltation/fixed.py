@@ -79,6 +79,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[0, a] = y[a]
                 for stage in range(4):
+                    spin[3] = flight.layer_of(model, states[stage, d - 1])
                     call(model.rates, numbers[_march.TIME], states, stage, states, 5 + stage, spin)
                     for a in range(m):
                         states[5 + stage, d + a] -= problem.strength[a] * history[a]
@@ -88,6 +89,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                             states[stage + 1, a] = y[a] + share * dt * states[5 + stage, a]
                 for a in range(n):
                     states[4, a] = y[a] + dt / 6.0 * (states[5, a] + 2.0 * states[6, a] + 2.0 * states[7, a] + states[8, a])
+                spin[3] = flight.layer_of(model, states[4, d - 1])
                 call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 9, spin)
                 for a in range(m):
                     states[9, d + a] = (states[9, d + a] - problem.strength[a] * tail[a]) / (1.0 + problem.strength[a] * local)
@@ -103,6 +105,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     change = 0.0
                     for a in range(n):
                         states[4, a] = states[0, a] + lead * states[9, a]
+                    spin[3] = flight.layer_of(model, states[4, d - 1])
                     call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 10, spin)
                     for a in range(n):
                         new = states[10, a]
@@ -225,6 +228,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     room = (np.zeros((max(degree, 1), n)), np.zeros((11, n)), np.zeros(m), np.zeros((1, m)), np.zeros((1, m)))
 
     def rate() -> Floats:
+        grain.spin[3] = flight.layer_of(engine.model, state.y[d - 1])
         out = np.zeros(n)
         flight.rates_of(engine.equation, 0.0, state.y, out, grain.spin)
         if m:
@@ -292,10 +296,10 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
             break
     status, message = ending(code, grain, ("failed", "the steps diverge: take a smaller solver.dt or a lower history.order"))
     table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))
-    result = Result.of(engine, table, None, status, message, grain.spin)
+    result = Result.of(engine, table, None, status, message, grain.spin[:3])
     if scene.run.trajectory:
         whole = np.concatenate(kept)
         which = np.cumsum(np.isnan(whole[:, -1])) - 1  # flight of each point: rates are unknown at takeoffs alone
-        spins = np.vstack([table[:, -3:], grain.spin])
+        spins = np.vstack([table[:, -3:], grain.spin[:3]])
         result._path = path_at(engine, whole[:, 0], whole[:, 1 : 1 + n], whole[:, 1 + n :], spins[which])
     return result

@@ -4,7 +4,8 @@ States y are x, [y,] z, slip u − u_f in the same directions, and the spin wher
 three in space): what a scene does not name is not there. Slips, not velocities, because they are what the history acts on;
 at an impact both jump alike. Steps, tables, error estimates and memory are those of `basset.solvers._march`; the stages are
 solved by a Newton iteration with a diagonal Jacobian, which handles stiff drag at a fraction of the price of a full one.
-Impacts are found on the step's polynomial, the step is cut there and the memory advanced to the cut exactly.
+Impacts are found on the step's polynomial, the step is cut there and the memory advanced to the cut exactly. So are crossings
+of the levels at which the stream, or the lift by it, has a kink: up to there a step sees the stream continued smoothly.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from saltation._random import Draws, uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
 from saltation.effects.base import Situation, force, torque, total_force
-from saltation.flow import both
+from saltation.flow import both, continued
 from saltation.grain import Triple
 
 # why `fly` came back, beside the codes of basset's march
@@ -60,6 +61,9 @@ JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 
 # places in `flight`
 START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+
+# places in `State.numbers`, behind those of the march: factor of the tolerance
+SCALE, NUMBERS = 15, 16
 
 # columns of the table of jumps, as recorded: takeoff, flight, impact
 COLUMNS = (
@@ -71,17 +75,19 @@ COLUMNS = (
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 TOLERANCE = 0.03  # of the step's error, for the stages
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
+SHORTEST = 0.02  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
 class Equation(NamedTuple):
-    """What moves the grain: α, the stream, forces, torque; `across` and `turning` are None where those states do not exist.
+    """What moves the grain: α, the stream, the height where it begins (d), forces, torque; `across` and `turning` are None where there is no such state.
 
     Its type says which effects there are: a new one compiles `rates_of` and nothing that steps.
     """
 
     alpha: float
     profile: Any
+    begins: float
     forces: Any
     torque: Any
     across: Any
@@ -89,10 +95,15 @@ class Equation(NamedTuple):
 
 
 class Model(NamedTuple):
-    """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3)."""
+    """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3).
+
+    `kinks` (d, rising): heights of the centre at which rates have a kink: the stream begins at the lower lift point, the centre, the
+    upper lift point; without lift, three times at the centre.
+    """
 
     rates: Any
     profile: Any
+    kinks: tuple[float, float, float]
     dimensions: int
     spins: int
 
@@ -151,8 +162,14 @@ class Limits(NamedTuple):
     prescribed: bool  # contacts do not turn the grain
 
 
-def rates_of(equation: Equation, t: float, y: Any, out: Any, spin: Any) -> None:
-    """Rates without history of the states y, into `out`; `spin` is that of a grain whose spin is no state."""
+@shared
+def layer_of(model: Model, z: float) -> float:
+    """How many kinks lie below z."""
+    return float((z > model.kinks[0]) + (z > model.kinks[1]) + (z > model.kinks[2]))
+
+
+def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
+    """Rates without history of the states y, into `out`; `own`: the spin of a grain whose spin is no state, and the layer between two kinks."""
     if equation.across is None:
         z, sx, sy, sz = y[1], y[2], 0.0, y[3]
     else:
@@ -163,8 +180,9 @@ def rates_of(equation: Equation, t: float, y: Any, out: Any, spin: Any) -> None:
         ox, oy, oz = 0.0, y[4], 0.0
     else:
         ox, oy, oz = y[6], y[7], y[8]
-    stream, shear = both(equation.profile, z)
-    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz)
+    ahead = equation.begins + 0.5 * own[3] - 0.75 - z  # to the middle of the layer: kinks are half a diameter apart
+    stream, shear = continued(equation.profile, z, ahead)
+    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz, ahead)
     fx, fy, fz = total_force(equation.forces, s)
     if equation.across is None:
         out[0], out[1] = sx + stream, sz
@@ -474,10 +492,18 @@ def solve_stages(
 
 
 @shared
+def at_scale(problem: Problem, scale: float) -> Problem:
+    """The problem with its tolerances times `scale`."""
+    p = problem
+    return Problem(p.end, p.span, p.limit, p.floor, scale * p.rtol, scale * p.atol, p.max_steps, p.where, p.strength, p.first, p.last)
+
+
+@shared
 def attempt(model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
     first = model.dimensions  # the slips, one per dimension; spins follow
+    problem = at_scale(problem, numbers[SCALE])
     while True:
         code: int = choose(problem, tables, state)
         if code != ACCEPTED:
@@ -603,6 +629,55 @@ def root_of_gap(
 
 
 @shared
+def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float, states: Floats) -> float:
+    """θ at which the step leaves its layer between two kinks, 2 if it does not; `states` at its stages, the end among them."""
+    d = model.dimensions
+    k = int(layer)
+    low = model.kinks[k - 1] if k > 0 else -math.inf
+    high = model.kinks[k] if k < 3 else math.inf
+    least = most = y[d - 1]
+    for i in range(len(states)):
+        least, most = min(least, states[i, d - 1]), max(most, states[i, d - 1])
+    reach = most - least  # between stages it goes no farther beyond them
+    if least - reach >= low and most + reach <= high:
+        return 2.0
+    places = 2 * len(polynomial) + 1
+    before, earlier = 0.0, y[2 * d - 1]
+    for i in range(1, places + 1):
+        after = i / places
+        if kind == 1:
+            after *= after
+        later = at(polynomial, y, kind, after, 2 * d - 1)
+        for trial in range(2):  # where it turns, and at the end
+            place = after
+            if trial == 0:
+                if earlier * later >= 0.0:
+                    continue
+                place = root_of(polynomial, y, kind, 2 * d - 1, 0.0, earlier > 0.0, before, after)
+            z = at(polynomial, y, kind, place, d - 1)
+            if z < low:
+                return root_of(polynomial, y, kind, d - 1, low, True, before, place)
+            if z > high:
+                return root_of(polynomial, y, kind, d - 1, high, False, before, place)
+        before, earlier = after, later
+    return 2.0
+
+
+@shared
+def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, falls: bool, low: float, high: float) -> float:
+    """The first θ found beyond `level` of state a, which crosses it between `low` and `high`, by bisection."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        value = at(polynomial, y, kind, middle, a)
+        if value < level if falls else value > level:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
 def cut_step(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, theta: float, values: Floats, work: Work) -> None:
     """Take the step that was found up to θ: state, memory and time."""
     numbers, y = state.numbers, state.y
@@ -645,7 +720,9 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 @shared
 def take_off(model: Model, state: State, spin: Floats, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight."""
+    """Start the account of a new flight; the tolerance follows its likely length, by the one before, where that is short against d/V."""
+    likely = (state.numbers[TIME] - flight[START]) * min(1.0, max(0.0, w) / max(flight[W], 1e-300))
+    state.numbers[SCALE] = min(1.0, max(SHORTEST, likely))
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
 
@@ -726,10 +803,30 @@ def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stre
     s[d], s[2 * d - 1] = u - stream, w
     if model.dimensions == 3:
         s[d + 1] = v
-    since, size = numbers[TIME] - numbers[JUMPED], numbers[FIRST]
+    restart(problem, numbers, numbers[FIRST])
+
+
+@shared
+def restart(problem: Problem, numbers: Floats, size: float) -> None:
+    """Steps start small again, `size` at most, at a jump of the slip or of its rate."""
+    since = numbers[TIME] - numbers[JUMPED]
     numbers[JUMPED] = numbers[TIME]
     numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
     numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0
+
+
+@shared
+def cross(model: Model, problem: Problem, state: State, own: Floats, work: Work) -> None:
+    """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
+    d = model.dimensions
+    z, numbers = state.y[d - 1], state.numbers
+    k = int(own[3])
+    if k > 0 and (k == 3 or abs(z - model.kinks[k - 1]) < abs(z - model.kinks[k])):
+        own[3] = layer_of(model, model.kinks[k - 1] - 0.25)
+    else:
+        own[3] = layer_of(model, model.kinks[k] + 0.25)
+    restart(problem, numbers, numbers[FIRST] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
+    work.past[0] = 0.0
 
 
 @shared
@@ -802,12 +899,13 @@ def land(
 
 
 class Record(NamedTuple):
-    """Accepted steps: start, size, kind, the share that was flown, state at the start, node values."""
+    """Accepted steps: start, size, kind, the share that was flown, whether the bed ended it, state at the start, node values."""
 
     start: Floats
     size: Floats
     kind: Floats
     share: Floats
+    impact: Floats
     y: Floats
     values: Floats
 
@@ -848,9 +946,9 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             code = attempt(model, memory.finite, spin, problem, nodes, tables, state, values, work)
             if code != ACCEPTED:
                 return code, done
-            h, kind, theta = numbers[STEP], int(numbers[SINGULAR]), 1.0
-            record.share[done] = 1.0
-            contact = 2.0
+            h, kind = numbers[STEP], int(numbers[SINGULAR])
+            record.share[done], record.impact[done] = 1.0, 0.0
+            contact, kink = 2.0, 2.0
             fit_polynomial(nodes, kind, h, values, work.polynomial)
             near = state.y[d - 1] < bed.highest
             for i in range(count):
@@ -859,15 +957,20 @@ def _make_fly(digest: str) -> Callable[..., Any]:
                 draws = uniforms(bed.seed, bed.grain, int(flight[IMPACTS]))
                 fresh = numbers[TIME] == flight[START]
                 contact = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
-            watch(model, work.polynomial, state.y, kind, h, min(contact, 1.0), flight)
-            if contact > 1.0:
+            if h > 2.0 * problem.floor:
+                kink = leaving(model, work.polynomial, state.y, kind, spin[3], work.states)
+            theta = min(contact, kink)
+            watch(model, work.polynomial, state.y, kind, h, min(theta, 1.0), flight)
+            if theta > 1.0:
                 keep_rate(nodes, kind, h, values, work)
                 accept(problem, nodes, tables, state, values, record, int(done))
+                if h <= 2.0 * problem.floor:
+                    spin[3] = layer_of(model, state.y[d - 1])
                 if recording:
                     done += 1
                 continue
-            theta = contact
             record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], h, kind, theta
+            record.impact[done] = 1.0 if contact <= kink else 0.0
             for a in range(len(state.y)):
                 record.y[done, a] = state.y[a]
                 for k in range(count):
@@ -875,6 +978,9 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             cut_step(problem, nodes, memory, cut, state, theta, values, work)
             if recording:
                 done += 1
+            if kink < contact:
+                cross(model, problem, state, spin, work)
+                continue
             code = land(model, bed, memory, problem, state, spin, flight, work, limits, jumps)
             if code != ACCEPTED:
                 return code, done
@@ -910,7 +1016,7 @@ def _make_budget(digest: str) -> Callable[..., Any]:
         digest  # noqa: B018 - part of the cache key
         for i in range(len(situations)):
             r = situations[i]
-            each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), out, i, 0)
+            each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], 0.0), out, i, 0)
             for k in range(out.shape[1]):
                 out[i, k] *= equation.alpha
 

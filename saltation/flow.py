@@ -54,6 +54,10 @@ class Still(NamedTuple):
         """
         return 0.0, 0.0
 
+    def continued(self, z: float, ahead: float) -> tuple[float, float]:
+        """(0, 0)."""
+        return 0.0, 0.0
+
 
 class Profile:
     """A velocity profile: `extended(z)` gives (velocity, shear) for z > 0, smoothly; both are 0 at `floor` and below.
@@ -96,6 +100,10 @@ class Profile:
         (float, float), u* and u*/d
         """
         return (0.0, 0.0) if z <= self.floor else self.extended(z)
+
+    def continued(self, z: float, ahead: float) -> tuple[float, float]:
+        """Velocity and shear, as smooth at z as they are where z + ahead lies: above the floor, or at and below it; units as in `both`."""
+        return (0.0, 0.0) if z + ahead <= self.floor else self.extended(z)
 
 
 @dataclass(frozen=True)
@@ -211,8 +219,10 @@ class LogLaw(Profile):
 OCTAVES = (-24, 14)  # heights 2^-24 d to 2^14 d
 CELLS = 8  # per octave
 DEGREE = 9
-HIGHEST = math.ldexp(1.0, OCTAVES[1])
+LOWEST, HIGHEST = math.ldexp(1.0, OCTAVES[0]), math.ldexp(1.0, OCTAVES[1])
 BELOW = math.nextafter(HIGHEST, 0.0)
+LAST = CELLS * (OCTAVES[1] - OCTAVES[0])  # the cell above the floor
+SMOOTH = 1e-13  # the last Chebyshev coefficient of that cell over the largest
 
 
 class Tabulated(NamedTuple):
@@ -223,7 +233,8 @@ class Tabulated(NamedTuple):
 
     floor: float  # the stream vanishes here and below
     slope: float  # below the table: shear at the bed
-    cells: int  # address of (cell, power): velocity in x from −1 to 1 across the cell
+    width: float  # of the cell above the floor, d: its polynomial continues the profile as far below
+    cells: int  # address of (cell, power): velocity in x from −1 to 1 across the cell; the last is the one above the floor
 
     def both(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""
@@ -248,6 +259,22 @@ class Tabulated(NamedTuple):
             return velocity + beyond * rise * z, rise * math.exp(-beyond)
         return velocity, rise
 
+    def continued(self, z: float, ahead: float) -> tuple[float, float]:
+        """As `both`, but smooth across the floor: from the side on which z + ahead lies."""
+        if z + ahead <= self.floor:
+            return 0.0, 0.0
+        if z > self.floor + LOWEST:
+            return both(self, z)
+        x = 2.0 * (z - self.floor) / self.width - 1.0
+        rest = min(0.0, x + 3.0)  # from there on straight
+        x -= rest
+        cell = LAST * (DEGREE + 1)
+        velocity, rise = load(self.cells, cell + DEGREE), 0.0
+        for k in range(DEGREE - 1, -1, -1):
+            rise = rise * x + velocity
+            velocity = velocity * x + load(self.cells, cell + k)
+        return velocity + rest * rise, rise * 2.0 / self.width
+
 
 KEPT: list[Floats] = []  # the tables that addresses point to
 
@@ -256,24 +283,31 @@ KEPT: list[Floats] = []  # the tables that addresses point to
 def tabulated(profile: Profile | Still) -> Tabulated:
     """The table of a profile, made once; of still water, where the stream vanishes up to any height."""
     if isinstance(profile, Still):
-        cells = np.zeros(((OCTAVES[1] - OCTAVES[0]) * CELLS, DEGREE + 1))
+        cells = np.zeros((LAST + 1, DEGREE + 1))
         KEPT.append(cells)
-        return Tabulated(math.inf, 0.0, cells.ctypes.data)
+        return Tabulated(math.inf, 0.0, 1.0, cells.ctypes.data)
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     edges = np.ldexp(1.0 + np.arange(CELLS) / CELLS, np.arange(*OCTAVES)[:, None]).ravel()
     widths = np.repeat(np.ldexp(1.0 / CELLS, np.arange(*OCTAVES)), CELLS)
+    above = np.ldexp(1.0, np.arange(OCTAVES[0], -1))  # widths of cells above the floor: the widest that is exact
+    edges, widths = np.append(edges, np.full(len(above), profile.floor)), np.append(widths, above)
     heights = edges[:, None] + 0.5 * widths[:, None] * (1.0 + nodes)
     velocity = np.array([[profile.extended(z)[0] for z in row] for row in heights])
     values = chebyshev.chebvander(nodes, DEGREE)
     coefficients = np.linalg.solve(values, velocity.T)
+    exact = np.abs(coefficients[-1, LAST:]) <= SMOOTH * np.abs(coefficients[:, LAST:]).max(axis=0)
+    widest = int(np.argmax(exact * above))
+    coefficients = coefficients[:, [*range(LAST), LAST + widest]]
     monomials = np.array([np.pad(poly, (0, DEGREE + 1 - len(poly))) for poly in (chebyshev.cheb2poly(c) for c in coefficients.T)])
     cells = np.ascontiguousarray(monomials)
     KEPT.append(cells)
-    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], cells.ctypes.data)
+    return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], float(above[widest]), cells.ctypes.data)
 
 
 both = method("both", 1)
 """`both(profile, z)`: velocity and shear, also in compiled code."""
+continued = method("continued", 2)
+"""`continued(profile, z, ahead)`: the same, smooth across the floor, from the side on which z + ahead lies."""
 
 
 def yalin_shift(roughness_reynolds: float) -> float:

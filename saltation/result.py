@@ -554,7 +554,7 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
     tables = engine.tables
     count = tables.count
     if record is not None:
-        which = np.cumsum(np.append(0, record.share[:-1] < 1.0))  # flight of each step
+        which = np.cumsum(np.append(0, record.impact[:-1] > 0.0))  # flight of each step
         length = np.bincount(which, record.share * record.size)
         flown = (record.share > 0.0) & ((length > REST)[which] | (which == which[-1]))  # a rebound may leave no flight at all, but for rounding
     if record is None or not flown.any():
@@ -566,7 +566,7 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
     singular = record.kind == 1.0
     takeoff = np.zeros(len(record.start), dtype=bool)
     takeoff[0] = True
-    takeoff[1:] = record.share[:-1] < 1.0
+    takeoff[1:] = record.impact[:-1] > 0.0
     theta = record.share[:, None] * np.concatenate([[0.0], tables.nodes.c])  # (step, place)
     x = 2.0 * np.where(singular[:, None], np.sqrt(theta), theta) - 1.0
     basis = legendre.legvander(x, count)  # (step, place, degree)

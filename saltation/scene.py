@@ -188,7 +188,10 @@ class Solver(Table):
 
     method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
     rtol: float = Field(
-        1.0e-5, ge=1e-10, le=1e-2, description="error of a jump's height, length and duration, relative to the mean jump, dimensionless (collocation)"
+        1.0e-5,
+        ge=1e-10,
+        le=1e-2,
+        description="error that one flight adds to a jump's height, length and duration, over the larger of it and the mean jump, dimensionless (collocation)",
     )
     dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
 

@@ -168,7 +168,7 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
             grain = heirs.pop(0).take_over(grain)
         elif code not in (_march.FULL, flight.CROWDED):
             break
-    return Result.of(grain.engine, np.concatenate(rows), trail.whole(), *ending(code, grain), grain.spin)
+    return Result.of(grain.engine, np.concatenate(rows), trail.whole(), *ending(code, grain), grain.spin[:3])
 
 
 def ending(code: int, grain: Grain, otherwise: tuple[str, str] = ("failed", "the flight stopped")) -> tuple[str, str]:
@@ -191,8 +191,13 @@ class Heir:
 
     def follow(self, record: flight.Record, done: int) -> None:
         """What the recorded steps leave in it."""
-        tables, where = self.engine.tables, self.engine.problem.where
-        for h, kind, values in zip(record.size[:done], record.kind[:done], record.values[:done], strict=True):
+        engine, tables, where = self.engine, self.engine.tables, self.engine.problem.where
+        for h, kind, share, values in zip(record.size[:done], record.kind[:done], record.share[:done], record.values[:done], strict=True):
+            if share < 1.0:
+                none = np.zeros(0)
+                state = _march.State(none, none, self.past, np.zeros(len(where)), none, none)
+                _march.cut_memory(where, tables.nodes, engine.rates, engine.cut, state, h, share, int(kind), values)
+                continue
             if (h, kind) not in self.known:
                 found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
                 self.known[h, kind] = found[1], found[2]
@@ -254,5 +259,5 @@ def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
 
 def empty_record(steps: int, stages: int, states: int) -> flight.Record:
     """Room for so many steps."""
-    shapes: tuple[Any, ...] = (steps, steps, steps, steps, (steps, states), (steps, stages, states))
+    shapes: tuple[Any, ...] = (steps, steps, steps, steps, steps, (steps, states), (steps, stages, states))
     return flight.Record(*(np.zeros(shape) for shape in shapes))

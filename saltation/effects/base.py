@@ -29,6 +29,8 @@ class Situation(NamedTuple):
     stream, shear : float, V and V/d
         u_f and du_f/dz.
     spin_x, spin_y, spin_z : float, V/d
+    ahead : float, d
+        The profile is continued smoothly from the side of its floor on which z + ahead lies (and z ± ½ + ahead for z ± ½).
 
     Examples
     --------
@@ -46,6 +48,7 @@ class Situation(NamedTuple):
     spin_x: float
     spin_y: float
     spin_z: float
+    ahead: float = 0.0
 
 
 class Setting(NamedTuple):

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from saltation._tables import Table
 from saltation.effects.base import Setting, Situation
-from saltation.flow import both
+from saltation.flow import continued
 from saltation.grain import Triple
 
 __all__ = ["Lift", "Options"]
@@ -58,8 +58,8 @@ class Lift(NamedTuple):
 
     def force(self, s: Situation) -> Triple:
         """Normal to the bed."""
-        top = both(self.profile, s.z + 0.5)[0]
-        bottom = both(self.profile, s.z - 0.5)[0]
+        top = continued(self.profile, s.z + 0.5, s.ahead)[0]
+        bottom = continued(self.profile, s.z - 0.5, s.ahead)[0]
         return 0.0, 0.0, self.strength * (bottom - top) * (2.0 * (s.slip_x + s.stream) - top - bottom)
 
 

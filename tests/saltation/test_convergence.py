@@ -123,3 +123,49 @@ def test_the_promise_with_another_kernel_and_with_a_window(memory, request):
     jumps = {rtol: flown(made("sand", rtol, jumps=4, history=history)).jumps[COLUMNS] for rtol in (1e-6, 1e-8)}
     assert len(jumps[1e-8]) == 4
     assert ((jumps[1e-6] - jumps[1e-8]).abs() / jumps[1e-8].mean()).to_numpy().max() <= 1e-6
+
+
+SHORT = {
+    "T 26": {"channel": {"transport_stage": 26.0}, "rotation": {"law": "prescribed"}},
+    "T 12": {"channel": {"transport_stage": 12.0}, "rotation": {"law": "prescribed"}},
+    "still": {"channel": None, "velocity": (0.3, 0.0, 0.3)},
+}  # flights much shorter than d/V
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_of_short_jumps(name):
+    """Each flight from one takeoff, against a hundred times less tolerance: over the larger of the jump and the mean jump."""
+    rtol, rows = 1e-5, []
+    engine = Engine(made("sand", rtol, **SHORT[name]))
+    grain, loose = Grain(engine), engine.problem
+    state = grain.state
+    arrays = (state.y, state.rate, state.past, state.jump, state.numbers, grain.spin, grain.flight, grain.work.past)
+    for taken in range(30):
+        before, pair = [array.copy() for array in arrays], []
+        engine.limits = engine.limits._replace(seal=taken + 1.0)
+        for problem in (loose._replace(rtol=0.01 * loose.rtol, atol=0.01 * loose.atol), loose):
+            for array, kept in zip(arrays, before, strict=True):
+                array[...] = kept
+            grain.flight[flight.DONE], engine.problem, table = 0.0, problem, np.zeros((1, len(flight.COLUMNS)))
+            code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
+            assert code == flight.JUMPS or problem is not loose
+            pair.append(table[0, [flight.COLUMNS.index(column) for column in ("rise", "length", "duration")]] if code == flight.JUMPS else np.full(3, np.nan))
+        rows.append(pair)
+    exact, found = np.moveaxis(np.array(rows), 1, 0)
+    errors = np.abs(found - exact) / np.maximum(np.abs(found), np.abs(found).mean(axis=0))
+    assert np.isfinite(errors).all(axis=1).sum() >= 27  # a step too short for the memory ends a few of the tighter ones
+    assert np.nanmax(errors[1:]) <= 2.0 * rtol and np.nanmedian(errors) <= 0.1 * rtol
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-7])
+@pytest.mark.parametrize("profile", ["swamee", "reichardt", "constant_b"])
+def test_steps_end_where_the_stream_begins(profile, rtol):
+    """Literal contact angles take the lower lift point below the floor of the stream and back: steps end there, none is too small."""
+    changes = {"channel": {"profile": profile}, "bed": {"roughness": "R5", "reading": "literal"}, "run": {"jumps": 40, "discard": 0, "trajectory": True}}
+    found = made("sand", rtol, **changes)
+    result = saltation.run(found)
+    assert result.status == "finished", result.message
+    z = result.trajectory["z"].to_numpy()
+    kink = found.profile.floor + 0.5
+    assert z.min() < kink < z.max()
+    assert np.sort(np.abs(z - kink))[5] < 1e-12

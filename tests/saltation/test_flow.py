@@ -227,3 +227,14 @@ def test_compiled_and_plain_tables_agree():
         table = tabulated(profile_of(name, numbers(73.0)))
         compiled(_make_along)(table, heights, found)
         assert np.allclose(found, [table.both(z) for z in heights.tolist()], rtol=1e-14, atol=1e-15, equal_nan=True)
+
+
+class TestContinued:
+    @pytest.mark.parametrize("name", ["swamee", "reichardt", "constant_b"])
+    def test_is_smooth_across_the_floor(self, name):
+        """Third differences of the shear across the floor are those just above it; from below there is no stream on either side."""
+        table = tabulated(profile_of(name, numbers(73.0)))
+        around, above = (np.array([table.continued(table.floor + 1e-3 * (k + first), 1.0)[1] for k in range(5)]) for first in (-2, 1))
+        assert np.abs(np.diff(around, 3)).max() <= 4.0 * np.abs(np.diff(above, 3)).max() + 1e-9 * around[2]
+        assert table.continued(table.floor + 0.1, -0.2) == table.continued(table.floor - 0.1, 0.0) == (0.0, 0.0)
+        assert table.continued(table.floor + 0.1, 0.0) == table.both(table.floor + 0.1)
