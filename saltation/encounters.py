@@ -477,7 +477,7 @@ def meets(gap: float, rate: float, rounding: float) -> bool:
 def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
     """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond.
 
-    Touching without closing in, they may sink by half of what is left to `UNSEEN` until the next look: never beyond.
+    Where they touch without closing in, the next look is when they may have sunk by half of what is left to `UNSEEN`: never beyond.
     """
     first, second = crowd.path[i], crowd.path[j]
     shift = image(world, first, second, start, end)
@@ -491,10 +491,13 @@ def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one
             break
         if gap > speed * (end - time):
             return math.inf
-        spare = max(0.5 * (UNSEEN + min(gap, 0.0)), 1e-16) if rate >= -rounding else 0.0
-        pause = certain(max(gap, 0.0) + spare, rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
+        left, age_one, age_two = end - time, max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN])
+        pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], age_one, age_two, left)
+        if gap < UNSEEN and rate >= -rounding:
+            spare = max(0.5 * (UNSEEN + min(gap, 0.0)), 1e-16)
+            pause = max(pause, certain(spare, min(rate, 0.0), bend, first[ROOT], second[ROOT], age_one, age_two, left))
         pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
-        if pause >= end - time:
+        if pause >= left:
             return math.inf
         earlier = time
         time += pause
