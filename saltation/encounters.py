@@ -393,7 +393,8 @@ def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> 
 def share_at(crowd: Crowd, grain: int, time: float) -> float:
     """θ of the step in hand at a time."""
     numbers = crowd.numbers[grain]
-    return min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
+    theta: float = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
+    return theta
 
 
 @shared

@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scene_cases import cloud_scene, fly_cloud, interpreted, merged, sand_cloud, scene, separations, vectors
 from scipy.spatial import cKDTree
@@ -269,7 +269,7 @@ def test_energy_grows_where_grains_would_part_too_slowly_alone(name, request):
     u, v, after, other = vectors(met, "first", "second", "first_after", "second_after")
     closing, parting = ((u - v) * n).sum(1), ((other - after) * n).sum(1)
     assert (closing > 0.0).all()
-    assert np.abs(parting - np.where(helped, law.slowest, law.restitution * closing)).max() < 1e-14
+    assert np.abs(parting - np.where(helped, law.slowest, law.restitution * closing)).max() < 4e-16 * 4.0 * np.abs([u, v, after, other]).max()
     assert (helped == (law.restitution * closing < law.slowest)).all()
 
 
@@ -284,9 +284,9 @@ def test_no_two_grains_ever_overlap(name, request):
         here = path.isel(time=k)
         places = np.column_stack([here["x"] % length, here["y"] % width, here["z"]])
         worst = min(worst, cKDTree(places, boxsize=[length, width, 0.0]).query(places, k=2)[0][:, 1].min())
-    assert worst > 1.0 - 1e-9
+    assert worst > 1.0 - UNSEEN
     met = result.encounters
-    assert (np.abs(met["distance"] - 1.0) < 1e-11 * (1.0 + met["time"] / 100.0)).all()
+    assert (np.abs(met["distance"] - 1.0) < UNSEEN).all()
     assert (np.diff(met["time"]) >= 0.0).all()
 
 
@@ -370,9 +370,21 @@ def clouds(draw):
     return changes
 
 
+SUNK = {  # to 3.6e-7 d, where positions and slips were two paths
+    "fluid": {"viscosity": 2.013e-6},
+    "grain": {"diameter": 1.016e-3, "density": 1861.0},
+    "channel": {"transport_stage": 1.299, "profile": "reichardt"},
+    "bed": {"roughness": "R4", "reading": "clip", "restitution": 0.045, "friction": 0.0},
+    "encounters": {"restitution": 0.0, "friction": 1.0, "pile_up": 500},
+    "cloud": {"number": 80, "concentration": 0.1, "spread": 0.04, "interval": 0.02},
+    "run": {"seed": 313},
+}
+
+
 @pytest.mark.sweep
 @settings(max_examples=3 * settings().max_examples // 10)
 @given(clouds())
+@example(SUNK)
 def test_in_no_cloud_two_grains_overlap_or_meet_while_they_part(changes):
     """Distances at encounters and at all stored times against the promise; the rate at which they close in, rounding aside, is above 0."""
     try:
