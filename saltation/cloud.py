@@ -114,7 +114,9 @@ class Cloud:
             engine.tables.tables,
             engine.problem._replace(end=math.inf, rtol=COARSE * engine.problem.rtol, atol=COARSE * engine.problem.atol),
         )
-        self.jacobian, self.work, self.other = np.zeros((1, 1)), room(stages, engine.states, members), np.zeros((stages + 1, engine.states))
+        self.jacobian, self.work = np.zeros((1, 1)), room(stages, engine.states, members)
+        states, velocities = (self.work.polynomial, np.zeros_like(self.work.polynomial)), np.zeros((2, stages, 3))
+        self.courses = tuple(encounters.Course(*arrays) for arrays in zip(states, velocities, strict=True))
         shapes: tuple[Any, ...] = (1, 1, 1, 1, 1, (1, engine.states), (1, stages, engine.states))
         self.record = flight.Record(*(np.zeros(shape) for shape in shapes))
         rows = max(BUFFER, number // 4)
@@ -139,16 +141,16 @@ class Cloud:
         tables, numbers, count = self.engine.tables, self.crowd.numbers, self.logs.count
         while True:
             code = encounters.advance(
-                self.parts, self.world, self.crowd, self.heads, samples, self.logs, self.jacobian, self.work, self.other, self.record, until
+                self.parts, self.world, self.crowd, self.heads, samples, self.logs, self.jacobian, self.work, self.courses, self.record, until
             )  # fmt: skip
             grain = int(count[2])
             if code == _march.TABLE:
                 tables.fill(float(numbers[grain, _march.STEP]), int(numbers[grain, _march.SLOT]), int(numbers[grain, _march.SINGULAR]))
                 continue
             if code == UNTIL:
-                encounters.flush(self.parts, self.crowd, samples, self.work, until * ROUNDED)
+                encounters.flush(self.parts, self.world, self.crowd, samples, self.work, until * ROUNDED)
             elif code not in GOES_ON and self.world is not None:  # nobody is behind the grain that stopped the run
-                encounters.flush(self.parts, self.crowd, samples, self.work, float(self.crowd.clock[grain]) * ROUNDED)
+                encounters.flush(self.parts, self.world, self.crowd, samples, self.work, float(self.crowd.clock[grain]) * ROUNDED)
             yield code, grain
             if code not in GOES_ON:
                 return

@@ -7,6 +7,10 @@ encounters the grains are served one after the other, and there is no search and
 
 A pair's gap g = |r| − 1 falls no faster than g'(t) allows with what the step says about accelerations, because |r|'' ≥ −|a|:
 the time to the next look follows from that bound and no meeting is passed by (conservative advancement).
+
+A step's positions and slips are two polynomials that agree at the nodes only. Here a grain moves along one path per step: its
+position is the integral of its velocity, which begins with that of the state. A gap that closes does so at a rate below 0,
+and a pair that parts after an encounter is apart: no pair sinks into each other, however coarse the steps are.
 """
 
 from __future__ import annotations
@@ -25,13 +29,18 @@ from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.contact import strike_pair
 from saltation.flow import both
+from saltation.grain import Triple
 
 STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH, KINK = range(9)  # what a grain's next event is
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` came back, beside the codes of a flight
 BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Crowd.path`
 REACH = 2.0  # d: half a step's path is at most this long
-UNSEEN, CLOSING = 1e-10, 1e-12  # d, d/(d/V): overlaps and rates of approach that are none
-MARGIN = 1.5  # on what the nodes of a step say about what lies between them
+UNSEEN = 1e-10  # d: no overlap is deeper
+MARGIN = math.sqrt(2.0)  # |p| on [−1, 1] over the largest at the zeros of T_2n, for degrees up to n: Ehlich & Zeller (1964), Math. Z. 86, 41
+# what takes up a wrong beginning of a path, in Legendre polynomials on [0, 1]: θ(1 − θ)², s(1 − s)²(1 + 2s), s²(1 − s)²/2
+RISE = (1.0 / 12.0, -1.0 / 20.0, -1.0 / 12.0, 1.0 / 20.0)
+SLOPE = (3.0 / 20.0, -1.0 / 20.0, -5.0 / 28.0, 1.0 / 20.0, 1.0 / 35.0)
+CURVE = (1.0 / 60.0, 0.0, -1.0 / 42.0, 0.0, 1.0 / 140.0)
 
 # columns of the table of encounters: n from the first grain to the second
 COLUMNS = (
@@ -108,6 +117,16 @@ class Logs(NamedTuple):
     owners: Any
     encounters: Floats
     count: Any
+
+
+class Course(NamedTuple):
+    """A step's path in Legendre polynomials of s = θ, in a singular step √θ: all states less those at its start, and the velocity."""
+
+    states: Floats  # (stages + 1, states)
+    velocity: Floats  # (stages, 3)
+
+
+Courses = tuple[Course, Course]  # room for those of two grains: the first one's states are the polynomial of the work space
 
 
 class Parts(NamedTuple):
@@ -215,49 +234,130 @@ def nearest(difference: float, period: float) -> float:
 
 
 @shared
-def velocity_of(model: flight.Model, states: Floats, velocity: Floats) -> None:
-    """Velocity that belongs to some states, three components, into `velocity`."""
+def velocity_of(model: flight.Model, y: Floats) -> Triple:
+    """Velocity that belongs to some states."""
     if model.dimensions == 2:
-        velocity[0], velocity[1], velocity[2] = states[2] + both(model.profile, states[1])[0], 0.0, states[3]
-    else:
-        velocity[0], velocity[1], velocity[2] = states[3] + both(model.profile, states[2])[0], states[4], states[5]
+        return y[2] + both(model.profile, y[1])[0], 0.0, y[3]
+    return y[3] + both(model.profile, y[2])[0], y[4], y[5]
 
 
 @shared
-def describe(
-    model: flight.Model, nodes: _march.Nodes, h: float, singular: int, share: float, y: Floats, polynomial: Floats, work: flight.Work, path: Floats
-) -> float:
-    """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
+def begin_with(model: flight.Model, singular: int, h: float, y: Floats, states: Floats) -> None:
+    """Let the positions of a step begin with the velocity of its states, their ends staying as they are.
+
+    A singular step's positions are c₁√θ + …, c₁ of the size of its error: a pair would set out at an infinite velocity.
+    """
     d = model.dimensions
-    here, before, now = work.here[0], work.out[0], work.out[1]
-    velocity_of(model, y, before)
-    length = h * share
-    x, z = y[0], y[d - 1]
-    across = 0.0 if model.dimensions == 2 else y[1]
-    u, v, w = before[0], before[1], before[2]
+    start = velocity_of(model, y)
+    for a in range(d):
+        speed = start[0] if a == 0 else start[2] if a == d - 1 else start[1]
+        slope, curve, sign = 0.0, 0.0, 1.0
+        for n in range(1, len(states)):  # P_n'(−1) and P_n''(−1), P_n of 2s − 1
+            first = sign * n * (n + 1) * states[n, a]
+            slope += first
+            curve -= 0.5 * (n - 1) * (n + 2) * first
+            sign = -sign
+        if singular == 1:
+            for n in range(5):
+                states[n, a] += (2.0 * h * speed - curve) * CURVE[n] - slope * SLOPE[n]
+        else:
+            for n in range(4):
+                states[n, a] += (h * speed - slope) * RISE[n]
+
+
+@shared
+def polynomial_of(parts: Parts, world: World | None, crowd: Crowd, grain: int, states: Floats) -> None:
+    """The polynomial of the step in hand; among grains that meet its positions are the integral of a velocity."""
+    numbers = crowd.numbers[grain]
+    singular, h = int(numbers[SINGULAR]), numbers[STEP]
+    _march.fit_polynomial(parts.nodes, singular, h, crowd.values[grain], states)
+    if world is not None:
+        begin_with(parts.model, singular, h, crowd.y[grain], states)
+
+
+@shared
+def differentiate(model: flight.Model, singular: int, h: float, course: Course) -> None:
+    """The velocity of a path, dx/dθ/h, in a singular step dx/ds/(2sh)."""
+    d = model.dimensions
+    states, velocity = course.states, course.velocity
+    top = len(velocity) - 1
+    for n in range(top + 1):
+        velocity[n, 1] = 0.0
+    for a in range(d):
+        axis = 2 if a == d - 1 else a
+        for n in range(top + 1):
+            total = 0.0
+            for k in range(n + 1, top + 2, 2):
+                total += states[k, a]
+            velocity[n, axis] = 2.0 * (2 * n + 1) * total / h
+        if singular == 1:  # 2s P_n = P_n + ((n + 1) P_(n+1) + n P_(n−1))/(2n + 1), from the highest term down
+            newer, newest = 0.0, 0.0
+            for n in range(top, 0, -1):
+                here = (velocity[n, axis] - newer - (n + 1) / (2 * n + 3) * newest) * (2 * n - 1) / n
+                velocity[n, axis] = newer
+                newer, newest = here, newer
+            velocity[0, axis] = newer
+
+
+@shared
+def course_of(parts: Parts, world: World, crowd: Crowd, grain: int, course: Course) -> None:
+    """The path of the step in hand."""
+    polynomial_of(parts, world, crowd, grain, course.states)
+    differentiate(parts.model, int(crowd.numbers[grain, SINGULAR]), crowd.numbers[grain, STEP], course)
+
+
+@shared
+def flown(model: flight.Model, course: Course, s: float) -> tuple[Triple, Triple]:
+    """How far a grain has come at s of its step, and its velocity."""
+    states, velocity = course.states, course.velocity
+    high = model.dimensions - 1
+    px, py, pz, u, v, w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x, older, newer = 2.0 * s - 1.0, 0.0, 1.0
+    for n in range(len(states)):
+        px, pz = px + newer * states[n, 0], pz + newer * states[n, high]
+        if high == 2:
+            py += newer * states[n, 1]
+        if n < len(velocity):
+            u, v, w = u + newer * velocity[n, 0], v + newer * velocity[n, 1], w + newer * velocity[n, 2]
+        older, newer = newer, ((2 * n + 1) * x * newer - n * older) / (n + 1)
+    return (px, py, pz), (u, v, w)
+
+
+@shared
+def turning(course: Course, s: float) -> float:
+    """|dv/ds| at s of a step, V."""
+    velocity = course.velocity
+    u, v, w = 0.0, 0.0, 0.0
+    x, older, newer, before, slope = 2.0 * s - 1.0, 1.0, 2.0 * s - 1.0, 0.0, 1.0  # P_(n−1), P_n, P_(n−1)', P_n'
+    for n in range(1, len(velocity)):
+        u, v, w = u + slope * velocity[n, 0], v + slope * velocity[n, 1], w + slope * velocity[n, 2]
+        before, slope = slope, before + (2 * n + 1) * newer
+        older, newer = newer, ((2 * n + 1) * x * newer - n * older) / (n + 1)
+    return 2.0 * math.sqrt(u * u + v * v + w * w)
+
+
+@shared
+def describe(model: flight.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
+    """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
+    length, end = h * share, math.sqrt(share) if singular == 1 else share
+    (u, v, w) = flown(model, course, 0.0)[1]
     if share > 1e-6:
-        _march.all_at(polynomial, y, singular, share, here)
-        u, v, w = (here[0] - x) / length, (0.0 if model.dimensions == 2 else here[1] - across) / length, (here[d - 1] - z) / length
-    pace = (before[0] - u) ** 2 + (before[1] - v) ** 2 + (before[2] - w) ** 2
-    spread, bend, last = 0.0, 0.0, 0.0
-    for k in range(len(nodes.c)):
-        velocity_of(model, work.states[k], now)
-        pace = max(pace, (now[0] - u) ** 2 + (now[1] - v) ** 2 + (now[2] - w) ** 2)
-        where = math.sqrt(nodes.c[k] * h) if singular == 1 else nodes.c[k] * h
-        change = math.sqrt((now[0] - before[0]) ** 2 + (now[1] - before[1]) ** 2 + (now[2] - before[2]) ** 2)
-        bend = max(bend, change / (where - last))
-        last = where
-        before[0], before[1], before[2] = now[0], now[1], now[2]
-    for quarter in range(1, 4):
-        _march.all_at(polynomial, y, singular, 0.25 * quarter * share, here)
-        time = 0.25 * quarter * length
-        off_x, off_z = here[0] - x - u * time, here[d - 1] - z - w * time
-        off_y = 0.0 if model.dimensions == 2 else here[1] - across - v * time
-        spread = max(spread, off_x * off_x + off_y * off_y + off_z * off_z)
-    spread = MARGIN * math.sqrt(spread) + 1e-9
-    path[X], path[Y], path[Z] = x + 0.5 * u * length, across + 0.5 * v * length, z + 0.5 * w * length
-    path[U], path[V], path[W], path[SPREAD], path[PACE] = u, v, w, spread, MARGIN * math.sqrt(pace) + 1e-9
-    path[BEND], path[ROOT] = (0.0, MARGIN * bend) if singular == 1 else (MARGIN * bend, 0.0)
+        (u, v, w) = flown(model, course, end)[0]
+        u, v, w = u / length, v / length, w / length
+    spread, pace, bend, places = 0.0, 0.0, 0.0, 2 * len(course.velocity)
+    for k in range(places):
+        s = 0.5 * end * (1.0 + math.cos(math.pi * (k + 0.5) / places))
+        time = h * s * s if singular == 1 else h * s
+        place, velocity = flown(model, course, s)
+        spread = max(spread, (place[0] - u * time) ** 2 + (place[1] - v * time) ** 2 + (place[2] - w * time) ** 2)
+        pace = max(pace, (velocity[0] - u) ** 2 + (velocity[1] - v) ** 2 + (velocity[2] - w) ** 2)
+        bend = max(bend, turning(course, s))
+    spread, pace, bend = MARGIN * math.sqrt(spread) + 1e-9, MARGIN * math.sqrt(pace) + 1e-9, MARGIN * bend
+    across = 0.0 if model.dimensions == 2 else y[1]
+    high = model.dimensions - 1
+    path[X], path[Y], path[Z] = y[0] + 0.5 * u * length, across + 0.5 * v * length, y[high] + 0.5 * w * length
+    path[U], path[V], path[W], path[SPREAD], path[PACE] = u, v, w, spread, pace
+    path[BEND], path[ROOT] = (0.0, bend / math.sqrt(h)) if singular == 1 else (bend / h, 0.0)
     return 0.5 * length * math.sqrt(u * u + v * v + w * w) + spread
 
 
@@ -288,35 +388,45 @@ def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> 
 
 
 @shared
-def polynomial_of(parts: Parts, crowd: Crowd, grain: int, out: Floats) -> None:
-    """The polynomial of the step in hand."""
+def share_at(crowd: Crowd, grain: int, time: float) -> float:
+    """θ of the step in hand at a time."""
     numbers = crowd.numbers[grain]
-    _march.fit_polynomial(parts.nodes, int(numbers[SINGULAR]), numbers[STEP], crowd.values[grain], out)
+    theta: float = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
+    return theta
 
 
 @shared
-def states_at(crowd: Crowd, grain: int, polynomial: Floats, time: float, row: Floats) -> None:
-    """All states of a grain at a time of the step in hand, into `row`."""
-    numbers = crowd.numbers[grain]
-    theta = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
-    _march.all_at(polynomial, crowd.y[grain], int(numbers[SINGULAR]), theta, row)
+def at_time(model: flight.Model, crowd: Crowd, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
+    """How far a grain has come at a time of its step in hand, and its velocity."""
+    theta = share_at(crowd, grain, time)
+    return flown(model, course, math.sqrt(theta) if crowd.numbers[grain, SINGULAR] == 1.0 else theta)
 
 
 @shared
-def apart(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Floats, two: Floats, time: float, rows: Floats) -> tuple[float, float]:
-    """Gap between two surfaces and its rate of change; `rows` is overwritten."""
-    d = model.dimensions
-    first, second = rows[0], rows[1]
-    states_at(crowd, i, one, time, first)
-    states_at(crowd, j, two, time, second)
-    x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
-    u = second[d] + both(model.profile, second[d - 1])[0] - first[d] - both(model.profile, first[d - 1])[0]
-    square, product = x * x + z * z, x * u + z * (second[2 * d - 1] - first[2 * d - 1])
+def image(world: World, one: Floats, two: Floats, start: float, end: float) -> tuple[float, float]:
+    """What to add to the second grain's x and y for its image that is the nearest midway through [start, end].
+
+    The others stay away all the time: paths are 2 `REACH` long at most, boxes three times as long at least.
+    """
+    middle = 0.5 * (start + end)
+    at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
+    x = two[X] - one[X] + two[U] * at_two - one[U] * at_one
+    y = two[Y] - one[Y] + two[V] * at_two - one[V] * at_one
+    return nearest(x, world.length) - x, nearest(y, world.width) - y
+
+
+@shared
+def apart(model: flight.Model, crowd: Crowd, i: int, j: int, one: Course, two: Course, shift: tuple[float, float], time: float) -> tuple[float, float]:
+    """Gap between two surfaces and its rate of change."""
+    high = model.dimensions - 1
+    first, second = crowd.y[i], crowd.y[j]
+    (a, b, c), (u, v, w) = at_time(model, crowd, i, one, time)
+    (e, f, g), (p, q, r) = at_time(model, crowd, j, two, time)
+    x, y, z = second[0] - first[0] + shift[0] + e - a, f - b, second[high] - first[high] + g - c
     if model.dimensions == 3:
-        y = nearest(second[1] - first[1], world.width)
-        square, product = square + y * y, product + y * (second[4] - first[4])
-    distance = math.sqrt(square)
-    return distance - 1.0, product / distance
+        y += second[1] - first[1] + shift[1]
+    distance = math.sqrt(x * x + y * y + z * z)
+    return distance - 1.0, (x * (p - u) + y * (q - v) + z * (r - w)) / distance
 
 
 @shared
@@ -357,46 +467,59 @@ def certain(gap: float, rate: float, bend: float, one: float, two: float, age_on
 
 
 @shared
-def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Floats, two: Floats, start: float, end: float, rows: Floats) -> float:
-    """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond."""
+def meets(gap: float, rate: float, rounding: float) -> bool:
+    """Whether surfaces touch and close in. Pressed together so often that the promise is used up, at any rate."""
+    return gap <= rounding and rate < (0.0 if gap < -0.99 * UNSEEN else -rounding)
+
+
+@shared
+def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
+    """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond.
+
+    Where they touch without closing in, the next look is when they may have sunk by half of what is left to `UNSEEN`: never beyond.
+    """
     first, second = crowd.path[i], crowd.path[j]
-    touch = 1e-12 + 1e-14 * abs(end)  # rounding of positions and times
+    shift = image(world, first, second, start, end)
+    rounding = 1e-12 + 1e-14 * abs(end)  # of positions, times and velocities
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
     bend = first[BEND] + second[BEND]
-    # in touch without closing: on, but only so far that the surfaces cannot sink by more than UNSEEN into each other
-    blind = min(math.sqrt(UNSEEN / (bend + 1e-9)), (UNSEEN / (first[ROOT] + second[ROOT] + 1e-9)) ** (2.0 / 3.0))
-    time, earlier, before = start, start, 0.0
-    gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
+    time, earlier = start, start
+    gap, rate = apart(model, crowd, i, j, one, two, shift, time)
     for _ in range(1000):
+        if meets(gap, rate, rounding):
+            break
         if gap > speed * (end - time):
             return math.inf
-        if gap <= touch and rate < -CLOSING:
-            break
-        pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN]), end - time)
-        pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)), blind if rate >= -CLOSING else 0.0)
-        if pause >= end - time:
+        left, age_one, age_two = end - time, max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN])
+        pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], age_one, age_two, left)
+        if gap < UNSEEN and rate >= -rounding:
+            spare = max(0.5 * (UNSEEN + min(gap, 0.0)), 1e-16)
+            pause = max(pause, certain(spare, min(rate, 0.0), bend, first[ROOT], second[ROOT], age_one, age_two, left))
+        pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
+        if pause >= left:
             return math.inf
-        earlier, before = time, gap
+        earlier = time
         time += pause
-        gap, rate = apart(model, world, crowd, i, j, one, two, time, rows)
-    if gap > touch or rate >= -CLOSING:
+        gap, rate = apart(model, crowd, i, j, one, two, shift, time)
+    if not meets(gap, rate, rounding):
         return -time
-    if gap < -touch and before > 0.0:  # the nodes did not tell all: back to where the surfaces met
+    if gap < 0.0:  # back to where they began to meet
         late = time
         for _ in range(80):
             time = 0.5 * (earlier + late)
             if not earlier < time < late:
                 break
-            if apart(model, world, crowd, i, j, one, two, time, rows)[0] > 0.0:
-                earlier = time
-            else:
+            gap, rate = apart(model, crowd, i, j, one, two, shift, time)
+            if meets(gap, rate, rounding):
                 late = time
+            else:
+                earlier = time
         time = late
     return time
 
 
 @shared
-def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: float, work: flight.Work, other: Floats) -> None:
+def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: float, courses: Courses) -> None:
     """Find the earliest encounter of grain i in the step in hand, and make it the next event of both."""
     path = crowd.path
     mine = path[i]
@@ -413,10 +536,10 @@ def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: floa
                     begin, end = max(start, path[j, BEGIN]), min(best, crowd.clock[j], path[j, END])
                     if end > begin and passes(world, mine, path[j], begin, end):
                         if not fitted:
-                            polynomial_of(parts, crowd, i, work.polynomial)
+                            course_of(parts, world, crowd, i, courses[0])
                             fitted = True
-                        polynomial_of(parts, crowd, j, other)
-                        time = meeting(parts.model, world, crowd, i, j, work.polynomial, other, begin, end, work.here)
+                        course_of(parts, world, crowd, j, courses[1])
+                        time = meeting(parts.model, world, crowd, i, j, courses[0], courses[1], begin, end)
                         if abs(time) < best:
                             best, chosen = abs(time), j if time >= 0.0 else index(-1)
                 j = index(crowd.link[j])
@@ -463,7 +586,7 @@ def contact_in(
 
 
 @shared
-def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, jacobian: Floats, work: flight.Work) -> int:
+def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, jacobian: Floats, work: flight.Work, courses: Courses) -> int:
     """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`.
 
     A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
@@ -491,7 +614,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
-        _march.fit_polynomial(nodes, singular, h, crowd.values[i], work.polynomial)
+        polynomial_of(parts, world, crowd, i, work.polynomial)
         contact = contact_in(parts.bed, model, nodes, state, singular, account, i, work)
         kink = 2.0
         if h > 2.0 * problem.floor:
@@ -503,7 +626,8 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
         if world is None:
             return ACCEPTED
-        reach = describe(model, nodes, h, singular, share, state.y, work.polynomial, work, path)
+        differentiate(model, singular, h, courses[0])
+        reach = describe(model, singular, h, share, state.y, courses[0], path)
         if reach <= REACH:
             enter_cell(world, crowd, heads, i)
             return ACCEPTED
@@ -515,7 +639,8 @@ def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, p
     """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = model.dimensions
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
-        states_at(crowd, i, polynomial, crowd.sample[i] * samples.interval, row)
+        theta = share_at(crowd, i, crowd.sample[i] * samples.interval)
+        _march.all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
         kept = samples.values[crowd.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
@@ -569,7 +694,7 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jac
 
 @shared
 def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats, jacobian: Floats) -> None:
-    """Two grains in contact: velocities, spins and memories jump, and the encounter is written down."""
+    """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
     model = parts.model
     d = model.dimensions
     one, two = view(crowd, i, jacobian), view(crowd, j, jacobian)
@@ -579,8 +704,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
-    u = (first[d] + stream_one, 0.0 if model.dimensions == 2 else first[d + 1], first[2 * d - 1])
-    v = (second[d] + stream_two, 0.0 if model.dimensions == 2 else second[d + 1], second[2 * d - 1])
+    u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
     spin_one, spin_two = flight.spin_of(model, one, crowd.spin[i]), flight.spin_of(model, two, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
@@ -591,7 +715,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
     row[3], row[4], row[5] = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
     row[6], row[7], row[8], row[9], row[10] = nx, ny, nz, distance, restitution
     for k in range(3):
-        row[11 + k], row[14 + k], row[17 + k], row[20 + k] = u[k], v[k], spin_one[k], spin_two[k]
+        row[17 + k], row[20 + k] = spin_one[k], spin_two[k]
         row[23 + k], row[26 + k], row[29 + k], row[32 + k] = after[0][k], after[1][k], after[2][k], after[3][k]
         row[35 + k] = after[4][k]
     flight.rebounded(model, parts.memory, parts.problem, one, stream_one, after[0][0], after[0][1], after[0][2])
@@ -612,7 +736,9 @@ def cascading(world: World, crowd: Crowd, grain: int, now: float) -> bool:
 
 
 @shared
-def encounter(parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, jacobian: Floats, work: flight.Work) -> int:
+def encounter(
+    parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, jacobian: Floats, work: flight.Work, courses: Courses
+) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
     j = index(crowd.partner[i])
     for side in range(2):
@@ -620,12 +746,14 @@ def encounter(parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: 
         if cascading(world, crowd, grain, now):
             logs.count[2] = grain
             return PILE_UP
+    row = logs.encounters[logs.count[1]]
     for side in range(2):
         grain = i if side == 0 else j
-        polynomial_of(parts, crowd, grain, work.polynomial)
-        numbers = crowd.numbers[grain]
-        cut_at(parts, crowd, samples, grain, now, min(1.0, max(0.0, (now - numbers[TIME]) / numbers[STEP])), jacobian, work)
-    collide(parts, world, crowd, i, j, now, logs.encounters[logs.count[1]], jacobian)
+        course_of(parts, world, crowd, grain, courses[0])
+        velocity = at_time(parts.model, crowd, grain, courses[0], now)[1]
+        row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
+        cut_at(parts, crowd, samples, grain, now, share_at(crowd, grain, now), jacobian, work)
+    collide(parts, world, crowd, i, j, now, row, jacobian)
     logs.count[1] += 1
     set_event(world, crowd, i, now, PLAN, -1)
     set_event(world, crowd, j, now, PLAN, -1)
@@ -651,14 +779,14 @@ def serve(
     i: int,
     jacobian: Floats,
     work: flight.Work,
-    other: Floats,
+    courses: Courses,
     record: _march.Record,
     fitted: bool,
 ) -> int:
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
     now, kind = crowd.clock[i], index(crowd.kind[i])
     if kind in (PLAN, AGAIN, ROUGH):
-        code = plan(parts, world, crowd, heads, logs, i, jacobian, work)
+        code = plan(parts, world, crowd, heads, logs, i, jacobian, work, courses)
         if code != ACCEPTED:
             logs.count[2] = i
             if code == flight.ALOFT:
@@ -669,16 +797,16 @@ def serve(
             return ACCEPTED
     if world is not None:
         if kind in (PLAN, AGAIN, ROUGH, SEEK):
-            seek(parts, world, crowd, heads, i, now, work, other)
+            seek(parts, world, crowd, heads, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:
             if logs.count[1] >= len(logs.encounters):
                 return ENCOUNTERS_FULL
-            return encounter(parts, world, crowd, samples, logs, i, now, jacobian, work)
+            return encounter(parts, world, crowd, samples, logs, i, now, jacobian, work, courses)
     if kind == IMPACT and logs.count[0] >= len(logs.jumps):
         return JUMPS_FULL
     if not fitted:
-        polynomial_of(parts, crowd, i, work.polynomial)
+        polynomial_of(parts, world, crowd, i, work.polynomial)
     code = finish(parts, crowd, samples, logs, i, jacobian, work, record)
     if code == flight.REST:
         logs.count[2] = i
@@ -698,7 +826,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
         logs: Logs,
         jacobian: Floats,
         work: flight.Work,
-        other: Floats,
+        courses: Courses,
         record: _march.Record,
         until: float,
     ) -> int:
@@ -708,7 +836,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
             for i in range(len(crowd.clock)):
                 fitted = False
                 while crowd.clock[i] <= until:
-                    code = serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, other, record, fitted)
+                    code = serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, courses, record, fitted)
                     if code != ACCEPTED:
                         return code
                     fitted = True
@@ -717,7 +845,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
             grain = index(crowd.heap[0])
             if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
                 return UNTIL
-            code = serve(parts, world, crowd, heads, samples, logs, grain, jacobian, work, other, record, False)
+            code = serve(parts, world, crowd, heads, samples, logs, grain, jacobian, work, courses, record, False)
             if code != ACCEPTED:
                 return code
 
@@ -728,12 +856,12 @@ advance = compiled(_make_advance, allocates=False, usually="some 30 s")
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts: Parts, crowd: Crowd, samples: Samples, work: flight.Work, until: float) -> None:
+    def flush(parts: Parts, world: World | None, crowd: Crowd, samples: Samples, work: flight.Work, until: float) -> None:
         """Write all samples up to `until`, which every step in hand reaches."""
         digest  # noqa: B018 - part of the cache key
         for i in range(len(crowd.clock)):
             if crowd.kind[i] != GONE and crowd.sample[i] * samples.interval <= until:
-                polynomial_of(parts, crowd, i, work.polynomial)
+                polynomial_of(parts, world, crowd, i, work.polynomial)
                 write_samples(parts.model, crowd, samples, i, work.polynomial, until, work.here[0])
 
     return flush

@@ -175,7 +175,7 @@ def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
     else:
         z, sx, sy, sz = y[2], y[3], y[4], y[5]
     if equation.turning is None:
-        ox, oy, oz = spin[0], spin[1], spin[2]
+        ox, oy, oz = own[0], own[1], own[2]
     elif equation.across is None:
         ox, oy, oz = 0.0, y[4], 0.0
     else:

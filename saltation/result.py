@@ -570,7 +570,7 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
     theta = record.share[:, None] * np.concatenate([[0.0], tables.nodes.c])  # (step, place)
     x = 2.0 * np.where(singular[:, None], np.sqrt(theta), theta) - 1.0
     basis = legendre.legvander(x, count)  # (step, place, degree)
-    rises = np.where(singular[:, None, None], tables.nodes.singular, record.size[:, None, None] * tables.rise)
+    rises = np.where(singular[:, None, None], tables.nodes.singular, record.size[:, None, None] * tables.nodes.rise)
     states = record.y[:, None, :] + np.einsum("spd,sdk,ska->spa", basis, rises, record.values, optimize=True)
     states[:, 0] = record.y
     slopes = np.zeros((len(theta), count, count))  # of the node values, at the places behind the first

@@ -68,7 +68,7 @@ def test_without_encounters_each_flies_as_if_alone():
     result = saltation.run(made)
     engine = Engine(made)
     engine.problem = engine.problem._replace(end=np.inf)  # where a run ends cuts its last step
-    nodes, rise = engine.tables.nodes, engine.tables.rise
+    nodes = engine.tables.nodes
     polynomial, row = np.zeros((engine.tables.count + 1, engine.states)), np.zeros(engine.states)
     path = result.trajectory
     times = path["time"].to_numpy()
@@ -82,8 +82,8 @@ def test_without_encounters_each_flies_as_if_alone():
         for k, when in enumerate(times[times < end]):
             step = max(0, int(np.searchsorted(steps.start, when)) - 1)
             kind, h = int(steps.kind[step]), steps.size[step]
-            flight.fit_polynomial(nodes, rise, kind, h, steps.values[step], polynomial)
-            flight.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
+            _march.fit_polynomial(nodes, kind, h, steps.values[step], polynomial)
+            _march.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
             row[3] += both(engine.profile, row[2])[0]
             assert (row[:6] == kept[k, i]).all()
             compared += 1
