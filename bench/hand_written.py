@@ -457,7 +457,7 @@ def case_of(engine: Any) -> Case:
 def nodes_of(engine: Any) -> Nodes:
     """The simulator's nodes."""
     nodes = engine.tables.nodes
-    return Nodes(nodes.c, nodes.integral, nodes.regular, engine.tables.rise, nodes.at_start)
+    return Nodes(nodes.c, nodes.integral, nodes.regular, nodes.rise, nodes.at_start)
 
 
 def room_for(stages: int) -> Room:

@@ -180,7 +180,9 @@ class Engine:
         c1, c2 = KERNELS[self.scene.options("history").kernel]
         table = slip_table(self.tables.tail, c1, horizon)
         local = local_shortfall(self.tables.count, c1)
-        return flight.Finite(c1, c2, self.numbers.reynolds, np.array(table.log_rates), table.low, table.inverse_step, np.array(table.values), local, LOCAL_LOW, 1.0 / LOCAL_STEP)
+        return flight.Finite(
+            c1, c2, self.numbers.reynolds, np.array(table.log_rates), table.low, table.inverse_step, np.array(table.values), local, LOCAL_LOW, 1.0 / LOCAL_STEP
+        )
 
     def _restitution(self, bed: Any) -> Restitution:
         stokes = self.numbers.stokes(1.0)

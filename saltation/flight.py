@@ -414,9 +414,7 @@ def factorise(problem: Problem, nodes: Nodes, tables: Tables, h: float, slot: in
 
 
 @shared
-def solve_stages(
-    model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work
-) -> int:
+def solve_stages(model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Solve the stages into `values`: iterations, negative if it failed."""
     numbers = state.numbers
     h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])
@@ -678,6 +676,7 @@ def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, fall
     return high
 
 
+@shared
 def cut_step(problem: Problem, nodes: Nodes, memory: Memory, cut: Cut, state: State, theta: float, values: Floats, work: Work) -> None:
     """Take the step that was found up to θ: state, memory and time."""
     numbers, y = state.numbers, state.y
@@ -825,7 +824,7 @@ def cross(model: Model, problem: Problem, state: State, own: Floats, work: Work)
         own[3] = layer_of(model, model.kinks[k - 1] - 0.25)
     else:
         own[3] = layer_of(model, model.kinks[k] + 0.25)
-    restart(problem, numbers, numbers[FIRST] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
+    restart(problem, numbers, numbers[STEP] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
     work.past[0] = 0.0
 
 

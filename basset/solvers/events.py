@@ -647,7 +647,7 @@ def events_of(specified: Any, states: int, degree: int) -> Events:
     m = len(specified)
     points = np.sin(np.pi * (np.arange(degree + 1) / degree - 0.5))
     transform = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, degree))
-    most = (2 ** HALVINGS * (2 * degree + 2) + 64) if m else 1
+    most = (2**HALVINGS * (2 * degree + 2) + 64) if m else 1
     floats, flags, whole = np.zeros, partial(np.zeros, dtype=np.bool_), partial(np.zeros, dtype=np.int64)
     return Events(
         np.array([event.terminal for event in specified], dtype=np.int64), np.array([event.direction for event in specified], dtype=np.float64),
