@@ -237,6 +237,7 @@ class Keeper:
     def _wait(self) -> None:
         """Until no other process compiles this function: the system frees the lock of one that dies."""
         with contextlib.suppress(OSError):  # no locks on this file system
+            assert self.cache is not None
             folder = Path(self.cache.cache_path)
             folder.mkdir(parents=True, exist_ok=True)
             self.turn = os.open(folder / f"{self.cache._impl.filename_base}.lock", os.O_RDWR | os.O_CREAT, 0o666)
@@ -505,7 +506,7 @@ def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]
         def generate(context, builder, signature, arguments):
             kind = signature.args[0]
             form = void(kind, numba.types.float64, real, real, real)
-            flags = compiler.Flags()
+            flags: Any = compiler.Flags()
             flags.error_model = "numpy"
             made = context.compile_subroutine(builder, inner, form, flags=flags)
             callee = context.declare_function(builder.module, made.fndesc)
@@ -678,7 +679,7 @@ class Callbacks:
         def view(address: int, size: int) -> Any:
             found = seen.get((address, size))
             if found is None:
-                found = seen[address, size] = np.frombuffer((ctypes.c_double * size).from_address(address))
+                found = seen[address, size] = np.ctypeslib.as_array((ctypes.c_double * size).from_address(address))
             return found
 
         def called(t: float, y: int, out: int, own: int, data: int) -> None:

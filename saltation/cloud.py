@@ -158,7 +158,8 @@ class Cloud:
     def tabulate(self) -> None:
         """Make the tables of the steps in hand: in a run that goes on, another process had them."""
         tables = self.engine.tables
-        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, (encounters.STEP_END, encounters.IMPACT, encounters.KINK, encounters.ENCOUNTER, encounters.SEEK))]:
+        has_a_step = (encounters.STEP_END, encounters.IMPACT, encounters.KINK, encounters.ENCOUNTER, encounters.SEEK)
+        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, has_a_step)]:
             h, slot, singular = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
             if tables.tables.sizes[slot, singular] != h:
                 tables.fill(h, slot, singular)

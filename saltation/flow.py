@@ -264,7 +264,8 @@ class Tabulated(NamedTuple):
         if z + ahead <= self.floor:
             return 0.0, 0.0
         if z > self.floor + LOWEST:
-            return both(self, z)
+            found: tuple[float, float] = both(self, z)
+            return found
         x = 2.0 * (z - self.floor) / self.width - 1.0
         rest = min(0.0, x + 3.0)  # from there on straight
         x -= rest

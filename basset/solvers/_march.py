@@ -88,7 +88,9 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and the states before and after it."""
+    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and
+    the states before and after it.
+    """
 
     start: Floats
     size: Floats
@@ -210,7 +212,7 @@ def correct(problem, local, state, work, unknown):
 
 
 @separate
-def decay_error(problem, nodes, state, h, values):
+def decay_error(problem: Problem, nodes: Nodes, state: State, h: float, values: Floats) -> float:
     """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
     count, n = values.shape
     worst, atol, rtol = 0.0, problem.atol, problem.rtol
@@ -241,7 +243,7 @@ def decay_error(problem, nodes, state, h, values):
 
 
 @shared
-def states_between(nodes, state, values, states):
+def states_between(nodes: Nodes, state: State, values: Floats, states: Floats) -> None:
     """States of a singular step halfway between its nodes in σ, where its defect is largest, into `states` (place, n)."""
     y, basis = state.y, nodes.between_values
     for i in range(len(values)):
@@ -252,7 +254,7 @@ def states_between(nodes, state, values, states):
 
 
 @separate
-def defect_error(problem, nodes, tables, state, h, slot, values, rates):
+def defect_error(problem: Problem, nodes: Nodes, tables: Tables, state: State, h: float, slot: int, values: Floats, rates: Floats) -> float:
     """∫ |y' − fun + c·H| over a singular step, over the tolerance; `rates` are used up."""
     count, n = values.shape
     where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
@@ -280,7 +282,7 @@ def defect_error(problem, nodes, tables, state, h, slot, values, rates):
 
 
 @shared
-def choose(problem, tables, state):
+def choose(problem: Problem, tables: Tables, state: State) -> int:
     """Fix the size and table slot of the next step: ACCEPTED, or END, TABLE, TOO_SMALL."""
     numbers, odd = state.numbers, len(tables.sizes) - 1
     left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
@@ -309,7 +311,7 @@ def next_step(problem, numbers, h, count):
 
 
 @separate
-def accept(problem, nodes, tables, state, values, record, done):
+def accept(problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, record: Any, done: int) -> None:
     """Take the step that was found: record it, move state and memory, choose the next size."""
     numbers, count, n = state.numbers, len(values), len(state.y)
     h, slot, kind = numbers[STEP], int(numbers[SLOT]), int(numbers[SINGULAR])

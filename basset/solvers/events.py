@@ -183,7 +183,8 @@ def pull(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
     for a in range(len(y)):
         total -= events.hit[k, a] * rate[a]
         largest = max(largest, abs(events.hit[k, a]))
-    return total / largest
+    found: float = total / largest
+    return found
 
 
 @shared
@@ -193,7 +194,7 @@ def value(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
         return pull(m, events, k, t, y)
     copy(y, m.rows[0])
     call(entry_of(m.functions, k), t, m.rows, 0, events.out, 0, m.own)
-    found = events.out[0, 0]
+    found: float = events.out[0, 0]
     if not math.isfinite(found):
         fail(events, EVENT_FAILED, k, t)
         return 0.0
@@ -214,13 +215,15 @@ def crosses(events: Events, k: int, before: float, after: float) -> bool:
         return before <= 0.0 < after
     if before == 0.0 or ((before > 0.0) == (after > 0.0) and after != 0.0):
         return False
-    return events.direction[k] == 0.0 or (events.direction[k] > 0.0) == (before < 0.0)
+    counts: bool = events.direction[k] == 0.0 or (events.direction[k] > 0.0) == (before < 0.0)
+    return counts
 
 
 @shared
 def cuts(events: Events, k: int, times: int) -> bool:
     """Whether the occurrence of that number ends the step: a jump, the last one wanted, or a body drawn off."""
-    return events.leaps[k] or events.resting[k] or 0 < events.terminal[k] <= times
+    ends: bool = events.leaps[k] or events.resting[k] or 0 < events.terminal[k] <= times
+    return ends
 
 
 @separate
@@ -243,7 +246,8 @@ def series(coefficients: Floats, count: int, x: float) -> float:
     newer, older = 0.0, 0.0
     for k in range(count - 1, 0, -1):
         newer, older = coefficients[k] + 2.0 * x * newer - older, newer
-    return coefficients[0] + x * newer - older
+    total: float = coefficients[0] + x * newer - older
+    return total
 
 
 @separate
