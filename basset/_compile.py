@@ -98,6 +98,8 @@ def _announce(numba: Any) -> None:
 
         def on_end(self, event: Any) -> None:
             seconds, kept = time.perf_counter() - UNDER_WAY.pop()[0], _kept(event)
+            if kept is not None and event.is_failed:
+                kept.done()
             if kept is not None and not UNDER_WAY:
                 for report in REPORTS:
                     report(kept.name, seconds)
@@ -197,6 +199,9 @@ class Files:
             path.unlink(missing_ok=True)
 
 
+LONGEST = 100.0  # s: how long to wait for another process's compiler
+
+
 class Keeper:
     """numba's cache of one function, which nothing on the disk can make an obstacle: what cannot be read is compiled again.
 
@@ -228,7 +233,7 @@ class Keeper:
                 self._wait()
                 found = self.cache.load_overload(signature, context)
                 if found is not None:
-                    self._done()
+                    self.done()
             return found
         except Exception as error:  # unpickling raises anything
             self.warn("read", error)
@@ -237,18 +242,29 @@ class Keeper:
     def _wait(self) -> None:
         """Until no other process compiles this function: the system frees the lock of one that dies."""
         with contextlib.suppress(OSError):  # no locks on this file system
-            assert self.cache is not None
-            folder = Path(self.cache.cache_path)
-            folder.mkdir(parents=True, exist_ok=True)
-            self.turn = os.open(folder / f"{self.cache._impl.filename_base}.lock", os.O_RDWR | os.O_CREAT, 0o666)
-            if fcntl is not None:
-                fcntl.flock(self.turn, fcntl.LOCK_EX)
+            lock = self._lock()
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            self.turn = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+            until = time.monotonic() + LONGEST
+            while fcntl is not None and time.monotonic() < until:  # a process that was stopped while it compiled must not stop others
+                try:
+                    fcntl.flock(self.turn, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    return
+                except BlockingIOError:
+                    time.sleep(0.1)
 
-    def _done(self) -> None:
+    def done(self) -> None:
         """Let others go on."""
-        if self.turn >= 0:
+        if self.turn >= 0 and self.cache is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(self._lock())
             os.close(self.turn)
             self.turn = -1
+
+    def _lock(self) -> Path:
+        """The file that is locked while this function is being compiled."""
+        assert self.cache is not None
+        return Path(self.cache.cache_path) / f"{self.cache._impl.filename_base}.lock"
 
     def save_overload(self, signature: Any, form: Any) -> None:
         """Keep the compiled form, if that can be."""
@@ -258,7 +274,7 @@ class Keeper:
         except Exception as error:
             self.warn("kept", error)
         finally:
-            self._done()
+            self.done()
 
     def flush(self) -> None:
         """Forget all forms."""

@@ -18,6 +18,7 @@ from basset.kernels import Floats
 from saltation._random import uniforms
 
 SPAN, LADDER, FIRST = 16.0, 8, 0.02  # longest step (d/u*), sizes per octave, first step of a flight
+SHORTEST = 0.02  # d/u*: the tolerance follows the likely length of a flight, down to this share
 ACCURATE, MOST = 0.03, 30  # the stages: share of the tolerance, iterations
 STEEPEST = math.radians(30.0)
 DEPTH = 0.25  # of the bed level below the crests, d
@@ -349,6 +350,14 @@ def top_of(path, y, theta, top):
     return max(top, at(path, y, theta, 1))
 
 
+@shared
+def at_scale(case, scale):
+    """The case with its tolerance times `scale`."""
+    c = case
+    bed = c.restitution, c.retention, c.seed
+    return Case(c.alpha, c.along, c.normal, c.drag, c.reynolds, bed[0], bed[1], bed[2], scale * c.tolerance, c.floor, c.profile, c.slope)
+
+
 def _make_fly(digest: str) -> Callable[..., Any]:
     def fly(case, nodes, room, y, jumps):
         """Fly len(jumps) jumps from y = (x, z, slip along, slip up): the steps taken, 0 if it failed. Rows: duration, length, rise."""
@@ -358,6 +367,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
         time, start, x, bottom, top, step, past, diagonal = 0.0, 0.0, y[0], y[1], y[1], FIRST, 0.0, 0.0
         smooth, known, fresh, near = False, False, True, False
         steps, impacts, done = 0, 0, 0
+        whole, launched = case, y[3]
         while done < len(jumps):
             h, error = 0.0, math.inf
             while not error <= 1.0:
@@ -427,6 +437,8 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             done += 1
             step = max(case.floor, min(FIRST, 0.5 * (time - start)))
             y[0], y[1], y[2], y[3] = end, height, u - velocity, w
+            likely = (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))
+            case, launched = at_scale(whole, min(1.0, max(SHORTEST, likely))), w
             start, x, bottom, top = time, end, height, height
             smooth, known, fresh = False, False, True
         return steps

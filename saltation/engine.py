@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,15 +136,12 @@ class Engine:
         across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
         self.equation = flight.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
-        rates, self._data = flight.rates_entry(self.equation)
-        spins = 0 if self.rotation is None else 1 if scene.in_plane else 3
-        self.model = flight.Model(rates, tabulated(scene.profile), kinks, self.dimensions, spins)
-        self.states = 2 * self.dimensions + spins
+        self.kinks, self.spins = kinks, 0 if self.rotation is None else 1 if scene.in_plane else 3
+        self.states = 2 * self.dimensions + self.spins
         self.members = self.dimensions if "history" in names else 0
         self.prescribed = None
         if "rotation" in names and scene.options("rotation").law == "prescribed":
             self.prescribed = prescribed_spin(numbers.stage)
-        self.bed = self._bed(scene.bed) if scene.bed is not None else None
         rtol = scene.solver.rtol
         digits = -math.log10(rtol)
         stages = max(4, round(1.1 * digits - 0.5))
@@ -173,6 +170,17 @@ class Engine:
         self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else BASSET
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
+
+    @cached_property
+    def model(self) -> flight.Model:
+        """The equation for the loop; the first of its kind is compiled."""
+        rates, self._data = flight.rates_entry(self.equation)
+        return flight.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
+
+    @cached_property
+    def bed(self) -> flight.Bed | None:
+        """The bed for the loop; the first rebound of its kind is compiled."""
+        return self._bed(self.scene.bed) if self.scene.bed is not None else None
 
     def _finite(self, horizon: float | None) -> flight.Finite:
         """The kernel that follows the slip."""
@@ -244,7 +252,7 @@ class Engine:
     @property
     def contact_height(self) -> float:
         """Height of a centre in contact with an untilted bed, d."""
-        return 0.5 if self.bed is not None and self.scene.bed.roughness == "flat" else 0.75
+        return 0.5 if self.scene.bed is not None and self.scene.bed.roughness == "flat" else 0.75
 
 
 class Start(NamedTuple):

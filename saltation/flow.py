@@ -55,7 +55,22 @@ class Still(NamedTuple):
         return 0.0, 0.0
 
     def continued(self, z: float, ahead: float) -> tuple[float, float]:
-        """(0, 0)."""
+        """Velocity and shear.
+
+        Parameters
+        ----------
+        z, ahead : float, d
+
+        Returns
+        -------
+        (float, float), u* and u*/d
+            0.
+
+        Examples
+        --------
+        >>> Still(0.0).continued(3.0, 0.1)
+        (0.0, 0.0)
+        """
         return 0.0, 0.0
 
 
@@ -102,7 +117,22 @@ class Profile:
         return (0.0, 0.0) if z <= self.floor else self.extended(z)
 
     def continued(self, z: float, ahead: float) -> tuple[float, float]:
-        """Velocity and shear, as smooth at z as they are where z + ahead lies: above the floor, or at and below it; units as in `both`."""
+        """Velocity and shear at z, smoothly continued from the side of the floor on which z + ahead lies.
+
+        Parameters
+        ----------
+        z, ahead : float, d
+            Height above the bed level; where to look from there.
+
+        Returns
+        -------
+        (float, float), u* and u*/d
+
+        Examples
+        --------
+        >>> LogLaw(1.0, 0.41, 8.5).continued(2.0, 1.0) == LogLaw(1.0, 0.41, 8.5).both(2.0)
+        True
+        """
         return (0.0, 0.0) if z + ahead <= self.floor else self.extended(z)
 
 
