@@ -200,7 +200,10 @@ class Engine:
             return Restitution(0.97, 35.0, stokes)
         return Restitution(float(bed.restitution), 0.0, stokes)
 
-    def _bed(self, bed: Any) -> flight.Bed:
+    @cached_property
+    def rebound(self) -> Any:
+        """The law of rebounds."""
+        bed = self.scene.bed
         restitution = self._restitution(bed)
         added = 1.0 + self.numbers.added_mass / self.numbers.density_ratio if bed.contact_mass == "immersed" else 1.0
         rebounds: dict[str, Callable[[], Any]] = {
@@ -209,11 +212,13 @@ class Engine:
             "tsuji_printed": lambda: TsujiPrinted(restitution, bed.friction),
             "sliding_only": lambda: SlidingOnly(restitution, bed.friction),
         }
+        return rebounds[bed.rebound]()
+
+    def _bed(self, bed: Any) -> flight.Bed:
+        rebound, self._kept = flight.rebound_entry(self.rebound)
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
-        self.rebound = rebounds[bed.rebound]()
-        rebound, self._kept = flight.rebound_entry(self.rebound)
         return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
     def bed_of(self, grain: int) -> flight.Bed:

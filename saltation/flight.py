@@ -165,7 +165,7 @@ class Limits(NamedTuple):
 @shared
 def layer_of(model: Model, z: float) -> float:
     """How many kinks lie below z."""
-    return float(z > model.kinks[0]) + float(z > model.kinks[1]) + float(z > model.kinks[2])
+    return (1.0 if z > model.kinks[0] else 0.0) + (1.0 if z > model.kinks[1] else 0.0) + (1.0 if z > model.kinks[2] else 0.0)
 
 
 def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:

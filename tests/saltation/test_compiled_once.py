@@ -1,0 +1,46 @@
+"""What steps is compiled once: another scene compiles its rates and its rebound, counted in events of the compiler."""
+
+import numba
+import pytest
+from scene_cases import scene
+
+import saltation
+from saltation.engine import Engine
+from saltation.simulation import warm
+
+SETS = (
+    {"effects": ["weight", "drag"], "history": None, "dimensions": 2},
+    {"effects": ["weight", "drag", "lift", "magnus"], "history": None},
+    {"effects": ["weight", "drag", "added_mass", "lift", "history", "magnus", "rotation"]},
+    {"effects": ["weight", "drag", "history"], "bed": {"rebound": "sliding_only", "roughness": "R2"}},
+)
+
+
+class Compilations(numba.core.event.Listener):
+    """Names of the functions that are compiled, nested ones too."""
+
+    def __init__(self):
+        self.names = []
+
+    def on_start(self, event):
+        self.names.append(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event):
+        pass
+
+
+@pytest.mark.parametrize("changes", SETS, ids=lambda changes: "-".join(changes["effects"][2:]) or "drag")
+def test_another_set_of_effects_compiles_no_step(changes):
+    saltation.run(scene("sand", run={"jumps": 1, "discard": 0}))
+    made = scene("sand", run={"jumps": 1, "discard": 0}, **changes)
+    with numba.core.event.install_listener("numba:compile", found := Compilations()):
+        warm(made)
+    assert not {"fly", "attempt", "solve_stages", "accept", "land", "first_contact", "cut_memory"} & set(found.names)
+
+
+def test_all_scenes_have_one_type_of_loop():
+    kinds = {
+        tuple(numba.typeof(part) for part in (engine.model, engine.bed_of(0), engine.memory(), engine.limits, engine.problem, engine.tables.nodes))
+        for engine in (Engine(scene("sand", **changes)) for changes in SETS)
+    }
+    assert len(kinds) == 1
