@@ -98,7 +98,7 @@ class Cloud:
         crowd.jump[:] = crowd.y[:, d : d + members]
         crowd.numbers[:, [_march.STEP, _march.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
         crowd.numbers[:, _march.SINGULAR] = float(members > 0)
-        crowd.spin[:, 3] = [flight.layer_of(engine.model, z) for z in crowd.flight[:, flight.Z]]
+        crowd.spin[:, 3] = [flight.layer_of(engine.model, *up) for up in crowd.flight[:, [flight.Z, flight.W]].tolist()]
         crowd.numbers[:, flight.SCALE] = 1.0
         self.world = self._world() if "encounters" in scene.names else None
         cells = self.world.along * self.world.across if self.world is not None else 0

@@ -679,7 +679,7 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jac
         crowd.before[i] = 0.0 if singular == 1 else h
         _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
         if h <= 2.0 * parts.problem.floor:
-            crowd.spin[i, 3] = flight.layer_of(parts.model, state.y[parts.model.dimensions - 1])
+            crowd.spin[i, 3] = flight.layer_of(parts.model, state.y[parts.model.dimensions - 1], state.y[2 * parts.model.dimensions - 1])
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i], jacobian, work)
     if crowd.own[i] == KINK:

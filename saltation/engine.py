@@ -282,7 +282,7 @@ class Grain:
         places[flight.SCALE] = 1.0
         jump = y[d : d + members].copy()
         self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
-        self.spin = np.array([*first.spin, flight.layer_of(engine.model, first.position[2])])
+        self.spin = np.array([*first.spin, flight.layer_of(engine.model, first.position[2], first.velocity[2])])
         self.flight = np.zeros(14)
         self.flight[[flight.X, flight.Y, flight.Z]] = first.position
         self.flight[flight.TOP] = first.position[2]

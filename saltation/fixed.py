@@ -79,7 +79,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[0, a] = y[a]
                 for stage in range(4):
-                    spin[3] = flight.layer_of(model, states[stage, d - 1])
+                    spin[3] = flight.layer_of(model, states[stage, d - 1], states[stage, 2 * d - 1])
                     call(model.rates, numbers[_march.TIME], states, stage, states, 5 + stage, spin)
                     for a in range(m):
                         states[5 + stage, d + a] -= problem.strength[a] * history[a]
@@ -89,7 +89,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                             states[stage + 1, a] = y[a] + share * dt * states[5 + stage, a]
                 for a in range(n):
                     states[4, a] = y[a] + dt / 6.0 * (states[5, a] + 2.0 * states[6, a] + 2.0 * states[7, a] + states[8, a])
-                spin[3] = flight.layer_of(model, states[4, d - 1])
+                spin[3] = flight.layer_of(model, states[4, d - 1], states[4, 2 * d - 1])
                 call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 9, spin)
                 for a in range(m):
                     states[9, d + a] = (states[9, d + a] - problem.strength[a] * tail[a]) / (1.0 + problem.strength[a] * local)
@@ -105,7 +105,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     change = 0.0
                     for a in range(n):
                         states[4, a] = states[0, a] + lead * states[9, a]
-                    spin[3] = flight.layer_of(model, states[4, d - 1])
+                    spin[3] = flight.layer_of(model, states[4, d - 1], states[4, 2 * d - 1])
                     call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 10, spin)
                     for a in range(n):
                         new = states[10, a]
@@ -228,7 +228,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     room = (np.zeros((max(degree, 1), n)), np.zeros((11, n)), np.zeros(m), np.zeros((1, m)), np.zeros((1, m)))
 
     def rate() -> Floats:
-        grain.spin[3] = flight.layer_of(engine.model, state.y[d - 1])
+        grain.spin[3] = flight.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
         out = np.zeros(n)
         flight.rates_of(engine.equation, 0.0, state.y, out, grain.spin)
         if m:

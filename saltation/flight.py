@@ -75,6 +75,7 @@ COLUMNS = (
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 TOLERANCE = 0.03  # of the step's error, for the stages
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
+BESIDE = 1e-9  # d: as near to a kink as that is at it
 SHORTEST = 0.02  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
@@ -163,8 +164,9 @@ class Limits(NamedTuple):
 
 
 @shared
-def layer_of(model: Model, z: float) -> float:
-    """How many kinks lie below z."""
+def layer_of(model: Model, z: float, w: float) -> float:
+    """How many kinks lie below a grain; of one at a kink where it goes: right behind a jump of the slip no step can be cut there."""
+    z += math.copysign(BESIDE, w)
     return (1.0 if z > model.kinks[0] else 0.0) + (1.0 if z > model.kinks[1] else 0.0) + (1.0 if z > model.kinks[2] else 0.0)
 
 
@@ -821,9 +823,9 @@ def cross(model: Model, problem: Problem, state: State, own: Floats, work: Work)
     z, numbers = state.y[d - 1], state.numbers
     k = int(own[3])
     if k > 0 and (k == 3 or abs(z - model.kinks[k - 1]) < abs(z - model.kinks[k])):
-        own[3] = layer_of(model, model.kinks[k - 1] - 0.25)
+        own[3] = layer_of(model, model.kinks[k - 1] - 0.25, 0.0)
     else:
-        own[3] = layer_of(model, model.kinks[k] + 0.25)
+        own[3] = layer_of(model, model.kinks[k] + 0.25, 0.0)
     restart(problem, numbers, numbers[STEP] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
     work.past[0] = 0.0
 
@@ -887,6 +889,7 @@ def land(
     rebounded(model, memory, problem, state, stream, u, v, w)
     if not limits.prescribed:
         turn(model, state, spin, ox, oy, oz)
+    spin[3] = layer_of(model, z, w)
     work.past[0] = 0.0
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
     take_off(model, state, spin, flight, x, y, z, u, v, w)
@@ -964,7 +967,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
                 keep_rate(nodes, kind, h, values, work)
                 accept(problem, nodes, tables, state, values, record, int(done))
                 if h <= 2.0 * problem.floor:
-                    spin[3] = layer_of(model, state.y[d - 1])
+                    spin[3] = layer_of(model, state.y[d - 1], state.y[2 * d - 1])
                 if recording:
                     done += 1
                 continue

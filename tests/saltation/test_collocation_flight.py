@@ -132,7 +132,7 @@ class TestAgainstTheSolverOfBasset:
 
         def rates(t, y):
             out = np.zeros(len(y))
-            flight.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, flight.layer_of(engine.model, y[engine.dimensions - 1])]))
+            flight.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, flight.layer_of(engine.model, y[1], y[3])]))
             return out
 
         return rates
