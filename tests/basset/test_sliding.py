@@ -16,7 +16,7 @@ from basset import reference
 
 pytestmark = pytest.mark.analytic
 
-RTOLS = [1e-4, 1e-8]
+RTOLS = [1e-4, 1e-9]
 FACTOR = 10.0
 
 
