@@ -258,6 +258,9 @@ class Keeper:
         if self.turn >= 0 and self.cache is not None:
             with contextlib.suppress(OSError):
                 os.unlink(self._lock())
+            if fcntl is not None:
+                with contextlib.suppress(OSError):
+                    fcntl.flock(self.turn, fcntl.LOCK_UN)  # a process that was forked meanwhile holds it too
             os.close(self.turn)
             self.turn = -1
 
@@ -616,7 +619,9 @@ def c_function(function: Any, args: tuple[Any, ...], states: int, number: bool =
     Floats and arrays (C order) among `args` are data, read at every call where a table says that they lie: new ones compile
     nothing. What else there is is frozen into the function and must be hashable.
     """
-    kinds = tuple((value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if type(value) is float else (None, value) for value in args)
+    kinds = tuple(
+        (value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if isinstance(value, float) else (None, value, type(value)) for value in args
+    )
     idle = _idle(function, kinds, states, number)
     try:
         made, table = idle.pop()  # nobody else's meanwhile: a solve within a solve, or in another thread, makes its own
@@ -653,12 +658,14 @@ def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool
         given = _appended(given, kind, table.ctypes.data + 8 * k, array, _pointer(), np.int64)
 
     def vector(t, y, out, own, data):
-        result = array(out, (states,))
-        result[:] = array(y, (states,))  # which the function may write into
-        result[:] = function(t, result, *given())
+        result, copied = array(out, (states,)), array(y, (states,)).copy()  # which the function may write into
+        result[:] = np.nan  # what it leaves if it raises
+        result[:] = function(t, copied, *given())
 
     def scalar(t, y, out, own, data):
-        array(out, (1,))[0] = function(t, array(y, (states,)), *given())
+        result = array(out, (1,))
+        result[0] = np.nan
+        result[0] = function(t, array(y, (states,)), *given())
 
     pointer = numba.types.CPointer(numba.types.float64)
     form = numba.types.void(numba.types.float64, pointer, pointer, pointer, numba.types.int64)
@@ -669,7 +676,7 @@ def _appended(given: Any, kind: tuple[Any, ...], place: int, array: Any, pointer
     """`given` and one more value, as a function that compiled code inlines."""
     if kind is _FLOAT:
         return shared(lambda: (*given(), load(place, 0)))
-    shape, value = kind
+    shape, value = kind[:2]
     if shape is None:
         return shared(lambda: (*given(), value))
     return shared(lambda: (*given(), array(pointer(array(pointer(place), (1,), integer)[0]), shape, value)))

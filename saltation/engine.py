@@ -124,6 +124,7 @@ class Engine:
     def __init__(self, scene: Any, horizon: float | None = None) -> None:
         numbers, names = scene.numbers, scene.names
         self.scene, self.numbers = scene, numbers
+        self._kept: list[Any] = []  # what addresses point to
         self.profile = scene.profile if isinstance(scene.profile, Still) else tabulated(scene.profile)
         setting = Setting(numbers, self.profile)
         built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
@@ -174,7 +175,8 @@ class Engine:
     @cached_property
     def model(self) -> flight.Model:
         """The equation for the loop; the first of its kind is compiled."""
-        rates, self._data = flight.rates_entry(self.equation)
+        rates, data = flight.rates_entry(self.equation)
+        self._kept.append(data)
         return flight.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
 
     @cached_property
@@ -215,7 +217,8 @@ class Engine:
         return rebounds[bed.rebound]()
 
     def _bed(self, bed: Any) -> flight.Bed:
-        rebound, self._kept = flight.rebound_entry(self.rebound)
+        rebound, data = flight.rebound_entry(self.rebound)
+        self._kept.append(data)
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)

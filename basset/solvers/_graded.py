@@ -298,9 +298,13 @@ class Integration:
         with ExitStack() as stack:
 
             def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
-                if not is_compiled(function):
-                    return calls.entry(checked, n, results)
-                return stack.enter_context(c_function(function, task.args, n, number))
+                if is_compiled(function) and task.data is not None:
+                    try:
+                        return stack.enter_context(c_function(function, task.data, n, number))
+                    except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
+                        if function is task.function:
+                            raise
+                return calls.entry(checked, n, results)
 
             if is_compiled(task.function):
                 task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
@@ -317,7 +321,14 @@ class Integration:
         """March on until something has to be done, and do it; False at the end."""
         if self.bound is None:
             self.bound = self._bind()
-        code, done = self._along() if self.surfaces else _march.march(*self.bound)
+        if self.surfaces:
+            calls_before = float(self.state.numbers[_march.CALLS])  # the task counts by itself
+            try:
+                code, done = self._along()
+            finally:
+                self.state.numbers[_march.CALLS] = calls_before
+        else:
+            code, done = _march.march(*self.bound)
         self._keep(done)
         if self.surfaces and code == _march.FULL and done:
             self._fit()
@@ -360,7 +371,6 @@ class Integration:
         assert self.bound is not None
         state, numbers, found, record = self.state, self.state.numbers, self.events, self.record
         m = self.plain._replace(first=self.problem.first, last=self.problem.last)
-        calls = float(numbers[_march.CALLS])  # the task counts by itself
         invoke(self.bound[0], 0.0, self.signal[0], self.signal[0], self.signal[0])
         code, done = int(self.signal[0, 0]), 0
         if code == _march.ACCEPTED:
@@ -385,7 +395,6 @@ class Integration:
                     numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
                 elif surface is not None:
                     self._leave(surface)
-        numbers[_march.CALLS] = calls
         return code, done
 
     def _count(self) -> None:

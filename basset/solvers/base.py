@@ -241,6 +241,7 @@ class Task:
     events: list[Event]
     max_steps: int
     breaks: Floats = field(default_factory=lambda: np.empty(0))  # rising
+    data: tuple[Any, ...] | None = ()  # args as compiled code reads them; None where it cannot
     nfev: int = 0
     held: Any = field(init=False)  # components of bodies at rest: they stay as they are
 
@@ -515,14 +516,21 @@ def _task(
             raise TypeError(f"jump of event {index} must be callable as jump(t, y), got {_validate.shown(jump)}")
         direction = _validate.number(f"direction of event {index}", getattr(function, "direction", 0.0))
         listed.append(Event(function, args, index, _terminal(index, getattr(function, "terminal", None)), direction, jump))
+    data: tuple[Any, ...] | None = args
     if any(isinstance(value, (list, np.ndarray)) for value in args):
         from basset._compile import is_compiled  # loads the compiler
 
+        try:
+            data = tuple(_parameter(index, value) for index, value in enumerate(args))
+        except TypeError:
+            if is_compiled(fun):
+                raise
+            data = None
         if is_compiled(fun):
-            args = tuple(_parameter(index, value) for index, value in enumerate(args))
+            args = data or ()
     return Task(
         fun, args, start, end, state, np.array(indices, dtype=np.intp), np.broadcast_to(strength, (len(indices),)).astype(np.float64),
-        kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1), _broken(breaks),
+        kernel, slip.astype(np.float64), listed, _validate.integer("max_steps", max_steps, 1), _broken(breaks), data,
     )  # fmt: skip
 
 

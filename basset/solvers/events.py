@@ -257,9 +257,11 @@ def turning_points(events: Events, count: int, low: float, high: float, first: i
     In φ = arccos x the second derivative is at most Σ k²|c_k|: what the chord leaves no room for is passed over.
     """
     slope, stack = events.slope, events.stack
-    bound = 0.0
+    bound, whole = 0.0, 0.0
     for k in range(count):
         bound += k * k * abs(slope[k])
+        whole += abs(slope[k])
+    room = len(events.values) - len(events.points)  # a slope has no more roots than that, but rounding may
     found, depth = 0, 1
     stack[0, 0], stack[0, 1] = 0.0, math.pi
     while depth > 0:
@@ -268,7 +270,7 @@ def turning_points(events: Events, count: int, low: float, high: float, first: i
         before, after = series(slope, count, math.cos(math.pi - one)), series(slope, count, math.cos(math.pi - two))
         sag = bound * (two - one) ** 2 / 8.0
         alike = (before > 0.0) == (after > 0.0)
-        if alike and min(abs(before), abs(after)) > sag:
+        if (alike and min(abs(before), abs(after)) > sag) or max(abs(before), abs(after)) <= 1e-15 * whole or found == room:
             continue
         middle = 0.5 * (one + two)
         if two - one < 1e-6 or depth + 2 > len(stack) // 2:
@@ -309,9 +311,9 @@ def watch_leaf(m: Motion, events: Events, k: int, step: Step, low: float, high: 
                 simple = True
     turns = 0
     start = done - 1 if done > 0 else 0  # the end of the one before is the beginning of this one
-    if not simple and largest > 0.0:
+    if not simple and 0.0 < largest < math.inf:
         count = degree + 1
-        while abs(coefficients[count - 1]) <= 1e-13 * largest:
+        while count > 1 and abs(coefficients[count - 1]) <= 1e-13 * largest:
             count -= 1
         # c'_(k−1) = c'_(k+1) + 2k c_k
         slope, others = events.slope, 0.0

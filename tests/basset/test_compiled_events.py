@@ -119,3 +119,34 @@ def test_an_error_in_a_callback_comes_through():
 
     with pytest.raises(LookupError, match="no such place"):
         basset.solve(numba.njit(lambda t, y: -y), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_error_in_a_compiled_function_is_no_success():
+    """Compiled code cannot raise through the march: what raised gave nothing."""
+
+    def event(t, y):
+        if t > 0.3:
+            raise ValueError("bad")
+        return y[0] - 0.5
+
+    found = basset.solve(lambda t, y: [-1.0], (0.0, 1.0), [1.0], coefficient=0.0, events=numba.njit(event))
+    assert found.status == -1
+    assert found.message.startswith("event 0 was not finite")
+
+
+@pytest.mark.parametrize("power", [3, 5, 7, 9])
+def test_a_zero_of_high_order(power):
+    """Where rounding decides the sign of the slope there are no more turning points than a polynomial has."""
+    for made in (partial, numba.njit):
+        found = basset.solve(made(lambda t, y: -y), (0.0, 1.0), [1.0], coefficient=0.5, events=made(lambda t, y: (t - 0.5) ** power))
+        assert found.status == 0
+        assert len(found.t_events[0]) % 2 == 1  # on the other side in the end
+        assert np.abs(found.t_events[0] - 0.5).max() < 1e-15 ** (1.0 / power) * 10.0
+
+
+@pytest.mark.parametrize("compiled", [numba.njit, partial])
+def test_arguments_of_compiled_events_are_read_as_they_lie(compiled):
+    parameters = np.array([0.5, 9.0, 0.2, 9.0])[::2]
+    found = basset.solve(lambda t, y, p: [-1.0], (0.0, 1.0), [1.0], coefficient=0.0, events=compiled(lambda t, y, p: y[0] - p[1]), args=(parameters,))
+    np.testing.assert_allclose(found.t_events[0], [0.8], rtol=1e-14)
