@@ -29,7 +29,7 @@ from basset._files import replacing
 try:
     import fcntl
 except ImportError:  # not a POSIX system
-    fcntl = None  # type: ignore[assignment]
+    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -457,7 +457,7 @@ def _call_compiled(numba: Any) -> None:
 
 
 def _enter(parts, block):  # its global `stub` is another one for every function, see `entry`
-    return stub(parts, block)  # type: ignore[name-defined]  # noqa: F821
+    return stub(parts, block)  # type: ignore[name-defined]  # noqa: F821 - each copy of the function is given a `stub` of its own
 
 
 def entry(function: Callable[..., None], usually: str = "a second") -> Callable[..., Any]:
@@ -468,7 +468,7 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
     """
 
     def stub(parts: Any, block: Any) -> int:
-        raise NotImplementedError
+        raise NotImplementedError  # compiled code alone has a form of it, see `_entry_form`
 
     def tell(numba: Any) -> None:
         numba.extending.overload(stub)(_entry_form(numba, function))
@@ -493,7 +493,7 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
         block = np.zeros(_words(parts), dtype=np.int64)
         return Entry(made[0](parts, block), block.ctypes.data), block
 
-    bind.plain = plain_form  # type: ignore[attr-defined]
+    bind.plain = plain_form  # type: ignore[attr-defined]  # tests run it beside the compiled form
     return bind
 
 

@@ -17,6 +17,7 @@ from basset._compile import call, compiled, entry, separate, shared
 from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers import events
+from basset.solvers.events import all_at
 
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
@@ -537,19 +538,6 @@ def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
         older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
         total += polynomial[d, a] * newer
     return total
-
-
-@shared
-def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
-    """All states at θ into `row`; the same bits as `at`."""
-    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
-    for a in range(len(y)):
-        row[a] = y[a] + polynomial[0, a] + polynomial[1, a] * x
-    older, newer = 1.0, x
-    for d in range(2, len(polynomial)):
-        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-        for a in range(len(y)):
-            row[a] += polynomial[d, a] * newer
 
 
 class Cut(NamedTuple):

@@ -126,13 +126,9 @@ def copy(source: Floats, target: Floats) -> None:
 
 
 @shared
-def state_at(step: Step, theta: float, row: Floats) -> None:
-    """All states at θ of the step, into `row`; at its start those that it started from."""
-    if theta == 0.0:
-        copy(step.y, row)
-        return
-    polynomial, y = step.polynomial, step.y
-    x = 2.0 * (math.sqrt(theta) if step.kind == 1 else theta) - 1.0
+def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
+    """All states at θ into `row`; the same bits as `at` of the march."""
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
     for a in range(len(y)):
         row[a] = y[a] + polynomial[0, a] + polynomial[1, a] * x
     older, newer = 1.0, x
@@ -140,6 +136,15 @@ def state_at(step: Step, theta: float, row: Floats) -> None:
         older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
         for a in range(len(y)):
             row[a] += polynomial[d, a] * newer
+
+
+@shared
+def state_at(step: Step, theta: float, row: Floats) -> None:
+    """All states at θ of the step, into `row`; at its start those that it started from."""
+    if theta == 0.0:
+        copy(step.y, row)
+        return
+    all_at(step.polynomial, step.y, step.kind, theta, row)
 
 
 @shared

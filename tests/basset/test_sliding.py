@@ -131,7 +131,7 @@ def test_compiled_as_plain():
 
 def test_a_clock_goes_on_while_it_sticks():
     """Kicked at t = 3 by 1, it stops again after 1/0.7."""
-    kick = lambda t, y: t - 3.0  # noqa: E731
+    kick = lambda t, y: t - 3.0  # noqa: E731 - two lines for one function, which carries attributes
     kick.jump = lambda t, y: y + 1.0
     result = solved(lambda t, y: [0.3 - np.sign(y[0])], 8.0, [1.0], events=kick)
     assert result.status == 0, result.message
