@@ -12,9 +12,11 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import importlib
 import math
 import os
 import pickle
+import struct
 import sys
 import threading
 import time
@@ -149,6 +151,7 @@ def _kept(event: Any) -> Keeper | None:
 
 
 when_loaded(_announce)
+when_loaded(lambda numba: importlib.import_module("basset._places"))
 
 
 @contextlib.contextmanager
@@ -456,8 +459,48 @@ def _call_compiled(numba: Any) -> None:
         return compiled_call
 
 
-def _enter(parts, block):  # its global `stub` is another one for every function, see `entry`
-    return stub(parts, block)  # type: ignore[name-defined]  # noqa: F821 - each copy of the function is given a `stub` of its own
+class Placed:
+    """NamedTuples of numbers, arrays and further such tuples in memory, for compiled code to read by their fields.
+
+    A function gets one pointer for all of it: with every array by value, as numba passes tuples, each call costs, and
+    compiling it takes several times as long.
+    """
+
+    def __init__(self, parts: Any) -> None:
+        import numpy as np
+
+        self.parts, self.kind = parts, None
+        self._words = np.array([word for part in parts for word in _words(part)], dtype=np.int64)
+        self.address: int = self._words.ctypes.data
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.parts, name)
+
+
+def placed(parts: Any) -> Any:
+    """NamedTuples as compiled functions take them; where nothing is compiled, as they are."""
+    return Placed(parts) if jit() else parts
+
+
+def _words(part: Any) -> list[int]:
+    """What lies in memory for a number, an array, None or a tuple of such, in words."""
+    if isinstance(part, tuple):
+        return [word for inner in part for word in _words(inner)]
+    if isinstance(part, float):
+        return [int.from_bytes(struct.pack("d", part), sys.byteorder, signed=True)]
+    if part is None:
+        return [0]
+    if isinstance(part, int) and not isinstance(part, bool):
+        return [part]
+    if getattr(part, "ndim", 0):
+        return [0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides]
+    raise TypeError(f"compiled code reads floats, integers, arrays and tuples of them, got {part!r}")
+
+
+def _enter(parts):  # its global `stub` is another one for every function, see `entry`
+    return stub(parts)  # type: ignore[name-defined]  # noqa: F821 - each copy of the function is given a `stub` of its own
 
 
 def entry(function: Callable[..., None], usually: str = "a second") -> Callable[..., Any]:
@@ -467,7 +510,7 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
     and nothing that calls it; nor is it optimised again with what calls it, as numba does with what is called otherwise.
     """
 
-    def stub(parts: Any, block: Any) -> int:
+    def stub(parts: Any) -> int:
         raise NotImplementedError  # compiled code alone has a form of it, see `_entry_form`
 
     def tell(numba: Any) -> None:
@@ -483,15 +526,13 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
         return partial(function, parts), None
 
     def bind(parts: Any) -> tuple[Any, Any]:
-        import numpy as np
-
         if not made:
             with LOCK:
                 made.append(_made(plain, False, False, usually))
         if not is_compiled(made[0]):
             return plain_form(parts)
-        block = np.zeros(_words(parts), dtype=np.int64)
-        return Entry(made[0](parts, block), block.ctypes.data), block
+        kept = Placed(parts)
+        return Entry(made[0](kept), kept.address), kept
 
     bind.plain = plain_form  # type: ignore[attr-defined]  # tests run it beside the compiled form
     return bind
@@ -505,11 +546,6 @@ def invoke(entry: Any, t: float, y: Any, out: Any, own: Any) -> None:
     Callbacks.form(entry.address)(t, y.ctypes.data, out.ctypes.data, own.ctypes.data, entry.data)
 
 
-def _words(parts: Any) -> int:
-    """Room for nested tuples of numbers and arrays, in words."""
-    return sum(_words(part) for part in parts) if isinstance(parts, tuple) else 8 + 2 * getattr(parts, "ndim", 0)
-
-
 def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]:
     from llvmlite import ir
     from numba.core import compiler
@@ -521,10 +557,9 @@ def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]
         found(parts, t, y, out, own)  # pointers know neither length nor end, but take an index
 
     @numba.extending.intrinsic
-    def address(typingctx, parts, block):
+    def address(typingctx, parts):
         def generate(context, builder, signature, arguments):
-            kind = signature.args[0]
-            form = void(kind, numba.types.float64, real, real, real)
+            form = void(signature.args[0], numba.types.float64, real, real, real)
             flags: Any = compiler.Flags()
             flags.error_model = "numpy"
             made = context.compile_subroutine(builder, inner, form, flags=flags)
@@ -534,18 +569,16 @@ def _entry_form(numba: Any, function: Callable[..., None]) -> Callable[..., Any]
             outer = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [number, pointer, pointer, pointer, word]), f"{callee.name}.entry")
             inside = ir.IRBuilder(outer.append_basic_block())
             t, y, out, own, data = outer.args
-            value = inside.load(inside.inttoptr(data, context.get_value_type(kind).as_pointer()))
+            value = inside.inttoptr(data, context.get_value_type(signature.args[0]))
             context.call_conv.call_function(inside, callee, numba.types.none, form.args, [value, t, y, out, own])
             inside.ret_void()
-            block = context.make_array(signature.args[1])(context, builder, arguments[1])
-            builder.store(arguments[0], builder.bitcast(block.data, context.get_value_type(kind).as_pointer()))
             return builder.ptrtoint(outer, word)
 
-        return numba.types.int64(parts, block), generate
+        return numba.types.int64(parts), generate
 
-    def form(parts, block):
-        def compiled_form(parts, block):
-            return address(parts, block)
+    def form(parts):
+        def compiled_form(parts):
+            return address(parts)
 
         return compiled_form
 
@@ -569,7 +602,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return getattr(self, name)(a, b, c)
 
     def compiled_one(self, a):
-        found = compiler().extending.register_jitable(getattr(self.instance_class, name))
+        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a):
             return found(self, a)
@@ -577,7 +610,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return call
 
     def compiled_two(self, a, b):
-        found = compiler().extending.register_jitable(getattr(self.instance_class, name))
+        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a, b):
             return found(self, a, b)
@@ -585,7 +618,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return call
 
     def compiled_three(self, a, b, c):
-        found = compiler().extending.register_jitable(getattr(self.instance_class, name))
+        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a, b, c):
             return found(self, a, b, c)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from basset._compile import placed
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, MeiAdrianKernel, gauss_legendre
 from basset.solvers import _march
@@ -167,7 +168,7 @@ class Engine:
         self.problem = _march.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
         points = 16 if rtol >= 1e-6 else 48
         self.cut = _march.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
-        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), self.prescribed is not None)
+        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None))
         self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else BASSET
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.horizon = horizon if horizon is not None else math.inf
@@ -297,34 +298,30 @@ class Grain:
         stages = engine.tables.count
         self.work = room(stages, n, members)
         self.values = np.zeros((stages, n))
+        self._placed: tuple[flight.Parts, Any] | None = None
 
     def fly(self, record: flight.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
         """Fly until the caller is needed; missing tables are made on the way. (code, steps recorded)."""
-        engine, tables, places = self.engine, self.engine.tables, self.state.numbers
+        tables, places, log = self.engine.tables, self.state.numbers, placed(record)
+        parts = self.parts
         while True:
-            code, done = flight.fly(
-                engine.model,
-                self.bed,
-                self.memory,
-                engine.limits,
-                engine.problem,
-                tables.nodes,
-                engine.cut,
-                tables.tables,
-                self.state,
-                self.spin,
-                self.flight,
-                self.work,
-                self.values,
-                record,
-                recording,
-                jumps,
-            )
+            code, done = flight.fly(parts, self.spin, self.flight, self.values, log, recording, jumps)
             if code != _march.TABLE:
                 return code, done
             tables.fill(float(places[_march.STEP]), int(places[_march.SLOT]), int(places[_march.SINGULAR]))
             if done:
                 return _march.FULL, done
+
+    @property
+    def parts(self) -> Any:
+        """What the loop is called with, made again where some of it was exchanged."""
+        engine, tables = self.engine, self.engine.tables
+        parts = flight.Parts(
+            engine.model, self.bed, self.memory, engine.limits, engine.problem, tables.nodes, engine.cut, tables.tables, self.state, self.work
+        )
+        if self._placed is None or any(one is not other for one, other in zip(self._placed[0], parts, strict=True)):
+            self._placed = parts, placed(parts)
+        return self._placed[1]
 
 
 def room(stages: int, states: int, members: int) -> flight.Work:

@@ -160,7 +160,7 @@ class Limits(NamedTuple):
     shortest: float
     patience: float
     seal: float  # jumps wanted in all
-    prescribed: bool  # contacts do not turn the grain
+    prescribed: int  # contacts do not turn the grain where 1
 
 
 @shared
@@ -428,7 +428,7 @@ def solve_stages(model: Model, finite: Finite, spin: Floats, problem: Problem, n
     predict(model, spin, problem, nodes, tables, state, values, work)
     inverse, diagonal, force, extra, y = work.inverse, work.diagonal, work.force, work.extra, state.y
     states, rates, right, integral = work.states, work.rates, work.residual, nodes.integral
-    atol, rtol = problem.atol, problem.rtol
+    atol, rtol = numbers[SCALE] * problem.atol, numbers[SCALE] * problem.rtol
     idle = 0  # x and y move nothing: they are integrated at the end
     if kind == 0:
         idle = model.dimensions - 1
@@ -492,18 +492,10 @@ def solve_stages(model: Model, finite: Finite, spin: Floats, problem: Problem, n
 
 
 @shared
-def at_scale(problem: Problem, scale: float) -> Problem:
-    """The problem with its tolerances times `scale`."""
-    p = problem
-    return Problem(p.end, p.span, p.limit, p.floor, scale * p.rtol, scale * p.atol, p.max_steps, p.where, p.strength, p.first, p.last)
-
-
-@shared
 def attempt(model: Model, finite: Finite, spin: Floats, problem: Problem, nodes: Nodes, tables: Tables, state: State, values: Floats, work: Work) -> int:
     """Find the next step that keeps the tolerance: ACCEPTED, or why not."""
     numbers, count = state.numbers, len(nodes.c)
     first = model.dimensions  # the slips, one per dimension; spins follow
-    problem = at_scale(problem, numbers[SCALE])
     while True:
         code: int = choose(problem, tables, state)
         if code != ACCEPTED:
@@ -531,11 +523,11 @@ def attempt(model: Model, finite: Finite, spin: Floats, problem: Problem, nodes:
                     excess(finite, problem, work.states, i, work.halfway, 2, h, 1, tables.between_past[slot, i], state, values, -1.0, work.extra)
                     for a in range(len(problem.where)):
                         work.rates[i, problem.where[a]] += work.extra[i, a]
-            error = CARE * defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
+            error = CARE / numbers[SCALE] * defect_error(problem, nodes, tables, state, h, int(numbers[SLOT]), values, work.rates)
             if len(finite.values) > 0:
                 error *= 4.0  # after a jump its solution has powers of √t that the step's polynomial has not
         elif iterations > 0:
-            error = decay_error(problem, nodes, state, h, values)
+            error = decay_error(problem, nodes, state, h, values) / numbers[SCALE]
         if error > 1.0 and h <= problem.floor:
             return NOT_FINITE
         code = judge(problem, state, error, power)
@@ -912,27 +904,27 @@ class Record(NamedTuple):
     values: Floats
 
 
+class Parts(NamedTuple):
+    """What the flight of a grain is made of."""
+
+    model: Model
+    bed: Bed
+    memory: Memory
+    limits: Limits
+    problem: Problem
+    nodes: Nodes
+    cut: Cut
+    tables: Tables
+    state: State
+    work: Work
+
+
 def _make_fly(digest: str) -> Callable[..., Any]:
-    def fly(
-        model: Model,
-        bed: Bed,
-        memory: Memory,
-        limits: Limits,
-        problem: Problem,
-        nodes: Nodes,
-        cut: Cut,
-        tables: Tables,
-        state: State,
-        spin: Floats,
-        flight: Floats,
-        work: Work,
-        values: Floats,
-        record: Record,
-        recording: bool,
-        jumps: Floats,
-    ) -> tuple[int, int]:
+    def fly(parts: Parts, spin: Floats, flight: Floats, values: Floats, record: Record, recording: bool, jumps: Floats) -> tuple[int, int]:
         """Fly until something needs the caller: (code, steps recorded)."""
         digest  # noqa: B018 - part of the cache key
+        model, bed, memory, limits, problem = parts.model, parts.bed, parts.memory, parts.limits, parts.problem
+        nodes, cut, tables, state, work = parts.nodes, parts.cut, parts.tables, parts.state, parts.work
         numbers, count = state.numbers, len(nodes.c)
         d = model.dimensions
         done = 0

@@ -1,0 +1,80 @@
+"""What the compiler knows of NamedTuples that lie in memory: their type, how it is recognised, how one field is read.
+
+Imported by `basset._compile` once numba is there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, imputils, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import NativeValue, infer_getattr, lower_cast, models, register_model, typeof_impl, unbox
+
+from basset._compile import Placed
+
+
+class Place(types.Type):  # type: ignore[misc]  # the base is numba's
+    """A NamedTuple at an address: one pointer wherever it goes, whatever it holds; a field is read where it is asked for."""
+
+    def __init__(self, kind: Any) -> None:
+        self.kind = kind
+        super().__init__(f"Place.{kind.instance_class.__name__}.{hashlib.sha256(str(kind).encode()).hexdigest()[:16]}")
+
+    @property
+    def key(self) -> Any:
+        """What makes it another type."""
+        return self.kind
+
+
+@typeof_impl.register(Placed)
+def _typeof(value: Placed, context: Any) -> Place:
+    if value.kind is None:
+        value.kind = Place(typeof_impl(value.parts, context))
+    return value.kind
+
+
+@register_model(Place)
+class PlaceModel(models.OpaqueModel):  # type: ignore[misc]  # the base is numba's
+    """A pointer."""
+
+
+@unbox(Place)
+def _unbox(kind: Place, value: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(value, "address")
+    found = c.builder.inttoptr(c.pyapi.long_as_longlong(address), cgutils.voidptr_t)
+    c.pyapi.decref(address)
+    return NativeValue(found)
+
+
+@infer_getattr
+class PlaceAttribute(AttributeTemplate):  # type: ignore[misc]  # the base is numba's
+    """The type of a field; of a NamedTuple within, its place."""
+
+    key = Place
+
+    def generic_resolve(self, place: Place, name: str) -> Any:
+        if name not in place.kind.fields:
+            return None
+        found = place.kind[place.kind.fields.index(name)]
+        return Place(found) if isinstance(found, types.BaseNamedTuple) else found
+
+
+@imputils.lower_getattr_generic(Place)
+def _field(context: Any, builder: Any, place: Place, value: Any, name: str) -> Any:
+    k = place.kind.fields.index(name)
+    found = place.kind[k]
+    whole = builder.bitcast(value, context.get_value_type(place.kind).as_pointer())
+    pointer = builder.gep(whole, [ir.Constant(ir.IntType(32), 0), ir.Constant(ir.IntType(32), k)], inbounds=True)
+    if isinstance(found, types.BaseNamedTuple):
+        return builder.bitcast(pointer, cgutils.voidptr_t)
+    loaded = builder.load(pointer)
+    loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return imputils.impl_ret_borrowed(context, builder, found, loaded)
+
+
+@lower_cast(Place, types.BaseNamedTuple)
+def _whole(context: Any, builder: Any, place: Place, kind: Any, value: Any) -> Any:
+    return builder.load(builder.bitcast(value, context.get_value_type(kind).as_pointer()))
