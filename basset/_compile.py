@@ -469,14 +469,14 @@ class Placed:
     def __init__(self, parts: Any) -> None:
         import numpy as np
 
-        self.parts, self.kind = parts, None
+        self._given, self._kind = parts, None
         self._words = np.array([word for part in parts for word in _words(part)], dtype=np.int64)
         self.address: int = self._words.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        return getattr(self.parts, name)
+        return getattr(self._given, name)
 
 
 def placed(parts: Any) -> Any:
@@ -486,6 +486,8 @@ def placed(parts: Any) -> Any:
 
 def _words(part: Any) -> list[int]:
     """What lies in memory for a number, an array, None or a tuple of such, in words."""
+    if isinstance(part, Placed):
+        return [part.address]
     if isinstance(part, tuple):
         return [word for inner in part for word in _words(inner)]
     if isinstance(part, float):
@@ -531,7 +533,7 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
                 made.append(_made(plain, False, False, usually))
         if not is_compiled(made[0]):
             return plain_form(parts)
-        kept = Placed(parts)
+        kept = parts if isinstance(parts, Placed) else Placed(parts)
         return Entry(made[0](kept), kept.address), kept
 
     bind.plain = plain_form  # type: ignore[attr-defined]  # tests run it beside the compiled form
@@ -684,24 +686,27 @@ def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool
     import numpy as np
 
     numba = compiler()
-    array = numba.carray
-    table = np.zeros(len(kinds) + 1, dtype=np.int64)
+    array, real = numba.carray, np.float64
+    table = np.zeros(len(kinds) + 1 + states, dtype=np.int64)
+    scratch, pointer = table.ctypes.data + 8 * (len(kinds) + 1), _pointer()
     given = shared(lambda: ())
     for k, kind in enumerate(kinds):
-        given = _appended(given, kind, table.ctypes.data + 8 * k, array, _pointer(), np.int64)
+        given = _appended(given, kind, table.ctypes.data + 8 * k, array, pointer, np.int64)
 
     def vector(t, y, out, own, data):
-        result, copied = array(out, (states,)), array(y, (states,)).copy()  # which the function may write into
-        result[:] = np.nan  # what it leaves if it raises
-        result[:] = function(t, copied, *given())
+        copied = array(pointer(scratch), (states,), real)  # which the function may write into
+        for a in range(states):
+            copied[a], out[a] = y[a], np.nan  # NaN: what it leaves if it raises
+        rates = function(t, copied, *given())
+        for a in range(states):
+            out[a] = rates[a]
 
     def scalar(t, y, out, own, data):
-        result = array(out, (1,))
-        result[0] = np.nan
-        result[0] = function(t, array(y, (states,)), *given())
+        out[0] = np.nan
+        out[0] = function(t, array(y, (states,)), *given())
 
-    pointer = numba.types.CPointer(numba.types.float64)
-    form = numba.types.void(numba.types.float64, pointer, pointer, pointer, numba.types.int64)
+    place = numba.types.CPointer(numba.types.float64)
+    form = numba.types.void(numba.types.float64, place, place, place, numba.types.int64)
     return numba.cfunc(form)(scalar if number else vector), table
 
 

@@ -31,9 +31,9 @@ class Place(types.Type):  # type: ignore[misc]  # the base is numba's
 
 @typeof_impl.register(Placed)
 def _typeof(value: Placed, context: Any) -> Place:
-    if value.kind is None:
-        value.kind = Place(typeof_impl(value.parts, context))
-    return value.kind
+    if value._kind is None:
+        value._kind = Place(typeof_impl(value._given, context))
+    return value._kind
 
 
 @register_model(Place)

@@ -18,7 +18,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from basset.kernels import Floats
-from basset.solvers import _march
+from basset.solvers import stepper
 from saltation import encounters, flight
 from saltation._files import DamageError, only_writer, replacing, store, write
 from saltation._keys import key_of, text_of
@@ -96,8 +96,8 @@ class Cloud:
             crowd.flight[i, flight.TOP] = position[2]
             crowd.flight[i, [flight.U, flight.V, flight.W]] = velocity
         crowd.jump[:] = crowd.y[:, d : d + members]
-        crowd.numbers[:, [_march.STEP, _march.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
-        crowd.numbers[:, _march.SINGULAR] = float(members > 0)
+        crowd.numbers[:, [stepper.STEP, stepper.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
+        crowd.numbers[:, stepper.SINGULAR] = float(members > 0)
         crowd.spin[:, 3] = [flight.layer_of(engine.model, *up) for up in crowd.flight[:, [flight.Z, flight.W]].tolist()]
         crowd.numbers[:, flight.SCALE] = 1.0
         self.world = self._world() if "encounters" in scene.names else None
@@ -118,7 +118,7 @@ class Cloud:
         states, velocities = (self.work.polynomial, np.zeros_like(self.work.polynomial)), np.zeros((2, stages, 3))
         self.courses = tuple(encounters.Course(*arrays) for arrays in zip(states, velocities, strict=True))
         shapes: tuple[Any, ...] = (1, 1, 1, 1, 1, (1, engine.states), (1, stages, engine.states))
-        self.record = flight.Record(*(np.zeros(shape) for shape in shapes))
+        self.record = stepper.Record(*(np.zeros(shape) for shape in shapes))
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(flight.COLUMNS))), np.zeros(rows, dtype=np.int32)
         self.logs = encounters.Logs(jumps, owners, np.zeros((BUFFER if self.world is not None else 0, len(encounters.COLUMNS))), np.zeros(4, dtype=np.int64))
@@ -144,8 +144,8 @@ class Cloud:
                 self.parts, self.world, self.crowd, self.heads, samples, self.logs, self.jacobian, self.work, self.courses, self.record, until
             )  # fmt: skip
             grain = int(count[2])
-            if code == _march.TABLE:
-                tables.fill(float(numbers[grain, _march.STEP]), int(numbers[grain, _march.SLOT]), int(numbers[grain, _march.SINGULAR]))
+            if code == stepper.TABLE:
+                tables.fill(float(numbers[grain, stepper.STEP]), int(numbers[grain, stepper.SLOT]), int(numbers[grain, stepper.SINGULAR]))
                 continue
             if code == UNTIL:
                 encounters.flush(self.parts, self.world, self.crowd, samples, self.work, until * ROUNDED)
@@ -160,7 +160,7 @@ class Cloud:
         tables = self.engine.tables
         has_a_step = (encounters.STEP_END, encounters.IMPACT, encounters.KINK, encounters.ENCOUNTER, encounters.SEEK)
         for numbers in self.crowd.numbers[np.isin(self.crowd.kind, has_a_step)]:
-            h, slot, singular = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
+            h, slot, singular = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
             if tables.tables.sizes[slot, singular] != h:
                 tables.fill(h, slot, singular)
 
@@ -339,7 +339,7 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
             if code in (flight.REST, flight.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == flight.ALOFT else "creeping" if slides else "at rest"
-                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, _march.TIME]), fate])
+                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, stepper.TIME]), fate])
         if code != UNTIL:
             return code, float(cloud.crowd.clock[grain]) if cloud.world is not None else clock, grain
         clock = until

@@ -23,8 +23,8 @@ import numpy as np
 
 from basset._compile import compiled, shared
 from basset.kernels import Floats
-from basset.solvers import _march
-from basset.solvers._march import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
+from basset.solvers import stepper
+from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
 from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.contact import strike_pair
@@ -270,7 +270,7 @@ def polynomial_of(parts: Parts, world: World | None, crowd: Crowd, grain: int, s
     """The polynomial of the step in hand; among grains that meet its positions are the integral of a velocity."""
     numbers = crowd.numbers[grain]
     singular, h = int(numbers[SINGULAR]), numbers[STEP]
-    _march.fit_polynomial(parts.nodes, singular, h, crowd.values[grain], states)
+    stepper.fit_polynomial(parts.nodes, singular, h, crowd.values[grain], states)
     if world is not None:
         begin_with(parts.model, singular, h, crowd.y[grain], states)
 
@@ -556,9 +556,9 @@ def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: floa
 
 
 @shared
-def view(crowd: Crowd, i: int, jacobian: Floats) -> _march.State:
+def view(crowd: Crowd, i: int, jacobian: Floats) -> stepper.State:
     """One grain's state as the loops of a single grain know it."""
-    return _march.State(crowd.y[i], crowd.rate[i], crowd.past[i], crowd.jump[i], jacobian, crowd.numbers[i])
+    return stepper.State(crowd.y[i], crowd.rate[i], crowd.past[i], crowd.jump[i], jacobian, crowd.numbers[i])
 
 
 @shared
@@ -572,7 +572,7 @@ def room_of(crowd: Crowd, i: int, work: flight.Work) -> flight.Work:
 
 @shared
 def contact_in(
-    bed: flight.Bed, model: flight.Model, nodes: _march.Nodes, state: _march.State, singular: int, account: Floats, i: int, work: flight.Work
+    bed: flight.Bed, model: flight.Model, nodes: stepper.Nodes, state: stepper.State, singular: int, account: Floats, i: int, work: flight.Work
 ) -> float:
     """θ of the first contact with the bed in the step that is in `work`, 2 if there is none."""
     d = model.dimensions
@@ -640,7 +640,7 @@ def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, p
     d = model.dimensions
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
         theta = share_at(crowd, i, crowd.sample[i] * samples.interval)
-        _march.all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
+        stepper.all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
         kept = samples.values[crowd.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
@@ -660,7 +660,7 @@ def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, the
 
 
 @shared
-def come_down(bed: flight.Bed, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: _march.State, work: flight.Work) -> int:
+def come_down(bed: flight.Bed, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: stepper.State, work: flight.Work) -> int:
     """Strike the bed: ACCEPTED or REST."""
     own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
     account = crowd.flight[i]
@@ -668,7 +668,7 @@ def come_down(bed: flight.Bed, parts: Parts, crowd: Crowd, logs: Logs, i: int, s
 
 
 @shared
-def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jacobian: Floats, work: flight.Work, record: _march.Record) -> int:
+def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jacobian: Floats, work: flight.Work, record: stepper.Record) -> int:
     """Take the step in hand to its own end: ACCEPTED or REST. Its polynomial is in `work`."""
     now, numbers = crowd.path[i, END], crowd.numbers[i]
     state = view(crowd, i, jacobian)
@@ -677,7 +677,7 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jac
         write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
         flight.watch(parts.model, work.polynomial, state.y, singular, h, 1.0, crowd.flight[i])
         crowd.before[i] = 0.0 if singular == 1 else h
-        _march.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
+        stepper.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
         if h <= 2.0 * parts.problem.floor:
             crowd.spin[i, 3] = flight.layer_of(parts.model, state.y[parts.model.dimensions - 1], state.y[2 * parts.model.dimensions - 1])
         return ACCEPTED
@@ -780,7 +780,7 @@ def serve(
     jacobian: Floats,
     work: flight.Work,
     courses: Courses,
-    record: _march.Record,
+    record: stepper.Record,
     fitted: bool,
 ) -> int:
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
@@ -827,7 +827,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
         jacobian: Floats,
         work: flight.Work,
         courses: Courses,
-        record: _march.Record,
+        record: stepper.Record,
         until: float,
     ) -> int:
         """Serve events up to `until`: UNTIL, or why the caller is needed."""

@@ -11,10 +11,9 @@ import numpy as np
 
 from basset._compile import placed
 from basset.exponentials import ExponentialSum
-from basset.kernels import BassetKernel, Floats, MeiAdrianKernel, gauss_legendre
-from basset.solvers import _march
-from basset.solvers._graded import history_between, local_history, stages_of, step_tables
-from basset.spectrum import slip_table
+from basset.kernels import BassetKernel, Floats, gauss_legendre
+from basset.solvers import stepper
+from basset.solvers._tables import STAYS, StepTables, following, stages_of, tables_of
 from saltation import flight
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS
@@ -35,67 +34,27 @@ SAFETY = 10.0  # the local estimate of a regular step is so much too careful: me
 ATOL = 1.0  # of velocities and spins, in V and V/d
 REST = 1e-5  # d/V: shorter flights
 PATIENCE = 50.0  # … so many in a row are rest
+CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
+NEVER = -math.inf  # refused steps until the stepper doubts that the equation is smooth: its kinks are known
+NOTHING_LOGGED = np.zeros(1)
 PATIENCE_IN_STEPS = 62.5  # steps at least in the longest flight, as many as SPAN is in the usual one
 
 
-class Tables:
-    """Nodes and step tables of one number of stages and one sum of exponentials, filled as they are asked for."""
-
-    def __init__(self, stages: int, tail: ExponentialSum | None, floor: float, span: float) -> None:
-        self.count, self.tail, self.floor = stages, tail, floor
-        found = stages_of(stages)
-        regular, singular = found.regular.coefficients, found.singular.coefficients[:, 1:]
-        between = found.between
-        constants = (found.singular.values(between)[:, 1:], found.singular.slopes(between)[:, 1:], found.regular.values(np.zeros(1))[0])
-        arrays = (found.c, found.slope, found.integral, regular, singular, between, found.width, *constants, found.regular._integrals)
-        self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
-        terms = len(tail) if tail else 0
-        rungs = math.ceil(_march.LADDER * math.log2(span / floor)) + 2
-        shapes: list[tuple[int, ...]] = [(2,), (2, stages, terms), (terms,), (2, stages, terms), (2, stages, stages), (stages,)]
-        shapes += [(stages, terms), (stages, stages), (stages,)]
-        self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
-
-    def fill(self, h: float, slot: int, kind: int) -> None:
-        """Make the tables of one step size."""
-        tables = self.tables
-        if self.tail is not None:
-            past, decay, gained, local, *singular = step_tables(self.count, self.tail, BassetKernel(), h, bool(kind))
-            tables.past[slot, kind], tables.decay[slot], tables.moments[slot, kind], tables.local[slot, kind] = past, decay, gained, local
-            if kind:
-                tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
-        tables.sizes[slot] = np.where(np.arange(2) == kind, h, np.where(tables.sizes[slot] == h, h, 0.0))
-
-
 @lru_cache(maxsize=16)
-def tables_of(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0) -> Tables:
+def tables_for(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0) -> StepTables:
     """Shared tables; horizon None: no memory. `faint`: the history of lags up to here is below the tolerance, d/V."""
     if horizon is None:
-        return Tables(stages, None, floor, span)
+        return tables_of(stages, None, BassetKernel(), floor, span)
     near = max(floor * stages_of(stages).c[0], horizon / RANGE)
     far = max(horizon, 10.0 * near)
     while True:
         try:
             shortest = max(floor, near) if near <= faint else near / stages_of(stages).c[0]
-            return Tables(stages, ExponentialSum.fit(near, far, rtol), shortest, span)
+            return tables_of(stages, ExponentialSum.fit(near, far, rtol), BassetKernel(), shortest, span)
         except ValueError:
             if rtol > 1e-4:
                 raise
             rtol *= 2.0  # the best that is tabulated
-
-
-LOCAL_LOW, LOCAL_STEP, LOCAL_POINTS = math.log(1e-13), 0.25, 180
-
-
-@lru_cache(maxsize=16)
-def local_shortfall(stages: int, c1: float) -> Floats:
-    """What the local history of a unit step of a finite-Reynolds kernel lacks to Basset's: (places, grid, stage, node)."""
-    result = np.zeros((3, LOCAL_POINTS, stages, stages))
-    basset = (*local_history(stages, BassetKernel()), history_between(stages, BassetKernel()))
-    for g, clock in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
-        slip = 0.75 * (2.0 * clock**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
-        kernel = MeiAdrianKernel(slip, 1.0, 1.0, c1, 0.0)
-        result[:, g] = np.array(basset) - np.array((*local_history(stages, kernel), history_between(stages, kernel)))
-    return result
 
 
 def first_horizon(scene: Any) -> float:
@@ -111,9 +70,6 @@ def relaxation(scene: Any) -> float:
     n, names = scene.numbers, scene.names
     drag = n.reynolds / (18.0 * n.alpha) if "drag" in names else math.inf
     return min(drag, 1.0 / (math.pi * n.history**2)) if "history" in names else drag
-
-
-BASSET = flight.Finite(0.0, 0.0, 0.0, np.zeros(0), 0.0, 0.0, np.zeros((0, 0, 8)), np.zeros((3, 0, 0, 0)), 0.0, 0.0)  # nothing to add to Basset's kernel
 
 
 class Engine:
@@ -159,18 +115,20 @@ class Engine:
             span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
         floor = min(FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, 0.01 * relaxation(scene))
         faint = (tolerance / numbers.history) ** 2 if self.members else 0.0  # c √lag: the share of a change of slip that is lost
-        self.tables = tables_of(stages, min(1e-6, 0.1 * rtol), far, floor, span, faint)
+        self.tables = tables_for(stages, min(1e-6, 0.1 * rtol), far, floor, span, faint)
         self.end = end
         if scene.widens and horizon is not None:
             end = min(end, horizon)  # then a longer memory takes over
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
-        self.problem = _march.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength)
+        self.following = self._following(horizon) if self.members and scene.options("history").kernel != "basset" else STAYS
+        # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
+        care = CARE if self.following is STAYS else 4.0 * CARE
+        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, care=care)
         points = 16 if rtol >= 1e-6 else 48
-        self.cut = _march.Cut(*gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
-        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None))
-        self.finite = self._finite(horizon) if self.members and scene.options("history").kernel != "basset" else BASSET
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
+        self.cut = stepper.Cut(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None))
         self.horizon = horizon if horizon is not None else math.inf
 
     @cached_property
@@ -185,15 +143,12 @@ class Engine:
         """The bed for the loop; the first rebound of its kind is compiled."""
         return self._bed(self.scene.bed) if self.scene.bed is not None else None
 
-    def _finite(self, horizon: float | None) -> flight.Finite:
+    def _following(self, horizon: float | None) -> stepper.Following:
         """The kernel that follows the slip."""
         assert self.tables.tail is not None
-        c1, c2 = KERNELS[self.scene.options("history").kernel]
-        table = slip_table(self.tables.tail, c1, horizon)
-        local = local_shortfall(self.tables.count, c1)
-        return flight.Finite(
-            c1, c2, self.numbers.reynolds, np.array(table.log_rates), table.low, table.inverse_step, np.array(table.values), local, LOCAL_LOW, 1.0 / LOCAL_STEP
-        )
+        reynolds = self.numbers.reynolds
+        constants = KERNELS[self.scene.options("history").kernel]
+        return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), horizon)
 
     def _restitution(self, bed: Any) -> Restitution:
         stokes = self.numbers.stokes(1.0)
@@ -235,7 +190,7 @@ class Engine:
         """What the memory does at contacts; with `jumps` it forgets what lies farther back."""
         before, when = np.zeros((jumps, self.members, len(self.rates))), np.zeros(jumps)
         rebound = ("impulse", "restart", "reset", "none").index(self.scene.options("history").rebound) if self.members else 0
-        return flight.Memory(rebound, self.rates, self.horizon, before, when, self.finite)
+        return flight.Memory(rebound, self.horizon, before, when)
 
     def first(self) -> Start:
         """The scene's first takeoff."""
@@ -264,6 +219,31 @@ class Engine:
         return 0.5 if self.scene.bed is not None and self.scene.bed.roughness == "flat" else 0.75
 
 
+    def steps(
+        self,
+        limits: flight.Limits,
+        bed: flight.Bed,
+        memory: flight.Memory,
+        state: stepper.State,
+        own: Floats,
+        account: Floats,
+        values: Floats,
+        record: stepper.Record,
+        jumps: Floats,
+        problem: stepper.Problem,
+    ) -> tuple[flight.Steps, Any]:
+        """How a grain in that state flies; and what must be kept alive meanwhile."""
+        d, tables, model = self.dimensions, self.tables, self.model
+        equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
+        room = stepper.room(tables.count, self.states, diagonal=True)
+        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, tables.odd(), state, values, self.following, self.cut, room))
+        whole = placed(flight.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
+        solve, accept, cut = (bind(parts)[0] for bind in (stepper.diagonally_entry, stepper.accept_entry, stepper.cut_entry))
+        attempt, kept = stepper.attempt_entry(stepper.Attempt(parts, solve))
+        look, land = (bind(whole)[0] for bind in (flight.look_entry, flight.land_entry))
+        return flight.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
+
+
 class Start(NamedTuple):
     """How a grain sets out: position (d), velocity (V), spin (V/d)."""
 
@@ -280,12 +260,10 @@ class Grain:
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
         first = engine.first() if start is None else start
         y = engine.state_of(first)
-        places = np.zeros(flight.NUMBERS)
-        places[_march.STEP] = places[_march.FIRST] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
-        places[_march.SINGULAR] = float(members > 0)
-        places[flight.SCALE] = 1.0
+        places = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        places[stepper.REFUSED] = NEVER
         jump = y[d : d + members].copy()
-        self.state = _march.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, 1)), places)
+        self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), places)
         self.spin = np.array([*first.spin, flight.layer_of(engine.model, first.position[2], first.velocity[2])])
         self.flight = np.zeros(14)
         self.flight[[flight.X, flight.Y, flight.Z]] = first.position
@@ -295,51 +273,22 @@ class Grain:
         kept = None if options is None else options.window_jumps
         self.memory = engine.memory(kept or 0)
         self.bed = engine.bed_of(grain)
-        stages = engine.tables.count
-        self.work = room(stages, n, members)
-        self.values = np.zeros((stages, n))
-        self._placed: tuple[flight.Parts, Any] | None = None
+        self.values = np.zeros((engine.tables.count, n))
+        self._bound: tuple[tuple[Any, ...], Any] | None = None
 
-    def fly(self, record: flight.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
+    def fly(self, record: stepper.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
         """Fly until the caller is needed; missing tables are made on the way. (code, steps recorded)."""
-        tables, places, log = self.engine.tables, self.state.numbers, placed(record)
-        parts = self.parts
+        engine = self.engine
+        given = (engine, engine.problem, engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values, record, jumps)
+        if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
+            steps, kept = engine.steps(*given[2:], problem=engine.problem)
+            self._bound = given, (steps, flight.fly_entry(steps), placed(record), kept)
+        steps, (watch, _), log, _ = self._bound[1]
+        parts = steps.flight.parts
         while True:
-            code, done = flight.fly(parts, self.spin, self.flight, self.values, log, recording, jumps)
-            if code != _march.TABLE:
+            code, done = stepper.march(steps.attempt, watch, True, parts, NOTHING_LOGGED, 1, log, recording)
+            if code != stepper.TABLE:
                 return code, done
-            tables.fill(float(places[_march.STEP]), int(places[_march.SLOT]), int(places[_march.SINGULAR]))
+            engine.tables.fill(parts.odd, self.state.numbers)
             if done:
-                return _march.FULL, done
-
-    @property
-    def parts(self) -> Any:
-        """What the loop is called with, made again where some of it was exchanged."""
-        engine, tables = self.engine, self.engine.tables
-        parts = flight.Parts(
-            engine.model, self.bed, self.memory, engine.limits, engine.problem, tables.nodes, engine.cut, tables.tables, self.state, self.work
-        )
-        if self._placed is None or any(one is not other for one, other in zip(self._placed[0], parts, strict=True)):
-            self._placed = parts, placed(parts)
-        return self._placed[1]
-
-
-def room(stages: int, states: int, members: int) -> flight.Work:
-    """Work space of one flight."""
-    shapes: dict[str, tuple[int, ...]] = {
-        "rates": (stages, states),
-        "states": (stages, states),
-        "inverse": (states, stages, stages),
-        "matrix": (stages, stages),
-        "force": (stages, members),
-        "extra": (stages, members),
-        "residual": (stages,),
-        "diagonal": (states,),
-        "rate": (stages, states),
-        "past": (1,),
-        "polynomial": (stages + 1, states),
-        "here": (2, states),
-        "out": (2, states),
-        "contact": (2, 9),
-    }
-    return flight.Work(**{name: np.zeros(shape) for name, shape in shapes.items()}, halfway=stages_of(stages).between ** 2)
+                return stepper.FULL, done

@@ -16,7 +16,7 @@ from basset._compile import call, compiled
 from basset._stream import peek, run
 from basset.kernels import Floats
 from basset.quadrature import Daitche
-from basset.solvers import _march
+from basset.solvers import stepper
 from basset.solvers.stability import adams_moulton, diverging
 from saltation import flight
 from saltation._random import uniforms
@@ -33,14 +33,14 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
     def cruise(
         model: flight.Model,
         bed: flight.Bed,
-        problem: _march.Problem,
+        problem: stepper.Problem,
         dt: float,
         method: int,
         weights: Floats,
         arrays: tuple[Any, ...],
         stream: tuple[Floats, Floats, Floats, Floats],
         counters: Any,
-        state: _march.State,
+        state: stepper.State,
         spin: Floats,
         flight_: Floats,
         room: tuple[Floats, Floats, Floats, Floats, Floats],
@@ -58,11 +58,11 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
         n, m, d = len(y), len(problem.where), model.dimensions
         done = 0
         while done < len(path):
-            if numbers[_march.TIME] >= problem.end * (1.0 - 1e-12):
-                return _march.END, done
-            if numbers[_march.TIME] - flight_[flight.START] > limits.longest:
+            if numbers[stepper.TIME] >= problem.end * (1.0 - 1e-12):
+                return stepper.END, done
+            if numbers[stepper.TIME] - flight_[flight.START] > limits.longest:
                 return flight.ALOFT, done
-            if numbers[_march.TIME] + dt > memory.horizon:
+            if numbers[stepper.TIME] + dt > memory.horizon:
                 return flight.HORIZON, done
             local = 0.0
             if m > 0:
@@ -74,13 +74,13 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     local = short[count, count]
                 else:
                     local = interior[len(interior) - 1]
-            known = int(numbers[_march.STEPS])  # rates of this stretch, newest in row 0
+            known = int(numbers[stepper.STEPS])  # rates of this stretch, newest in row 0
             if method == HELD:
                 for a in range(n):
                     states[0, a] = y[a]
                 for stage in range(4):
                     spin[3] = flight.layer_of(model, states[stage, d - 1], states[stage, 2 * d - 1])
-                    call(model.rates, numbers[_march.TIME], states, stage, states, 5 + stage, spin)
+                    call(model.rates, numbers[stepper.TIME], states, stage, states, 5 + stage, spin)
                     for a in range(m):
                         states[5 + stage, d + a] -= problem.strength[a] * history[a]
                     share = (0.5, 0.5, 1.0, 0.0)[stage]
@@ -90,7 +90,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(n):
                     states[4, a] = y[a] + dt / 6.0 * (states[5, a] + 2.0 * states[6, a] + 2.0 * states[7, a] + states[8, a])
                 spin[3] = flight.layer_of(model, states[4, d - 1], states[4, 2 * d - 1])
-                call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 9, spin)
+                call(model.rates, numbers[stepper.TIME] + dt, states, 4, states, 9, spin)
                 for a in range(m):
                     states[9, d + a] = (states[9, d + a] - problem.strength[a] * tail[a]) / (1.0 + problem.strength[a] * local)
             else:
@@ -106,7 +106,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     for a in range(n):
                         states[4, a] = states[0, a] + lead * states[9, a]
                     spin[3] = flight.layer_of(model, states[4, d - 1], states[4, 2 * d - 1])
-                    call(model.rates, numbers[_march.TIME] + dt, states, 4, states, 10, spin)
+                    call(model.rates, numbers[stepper.TIME] + dt, states, 4, states, 10, spin)
                     for a in range(n):
                         new = states[10, a]
                         if d <= a < d + m:
@@ -140,10 +140,10 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                 for a in range(m):
                     history[a] = value[0, a]
                 counters[0], counters[1], counters[2] = count + 1, node + 1, max(0, pending - 1)
-            begin = numbers[_march.TIME]
-            numbers[_march.TIME] += dt
-            numbers[_march.STEPS] = min(known + 1, len(rates))
-            ends = numbers[_march.TIME] > problem.end * (1.0 + 1e-12)
+            begin = numbers[stepper.TIME]
+            numbers[stepper.TIME] += dt
+            numbers[stepper.STEPS] = min(known + 1, len(rates))
+            ends = numbers[stepper.TIME] > problem.end * (1.0 + 1e-12)
             if ends:  # within the step: its cubic, back to there
                 x = (problem.end - begin) / dt
                 for a in range(n):
@@ -152,7 +152,7 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
                     square, cube = 3.0 * rise - 2.0 * low - high, low + high - 2.0 * rise
                     y[a] = states[0, a] + x * (low + x * (square + x * cube))
                     rates[0, a] = (low + x * (2.0 * square + 3.0 * x * cube)) / dt
-                numbers[_march.TIME] = problem.end
+                numbers[stepper.TIME] = problem.end
             w = y[2 * d - 1]
             if before_w > 0.0 >= w:
                 share = before_w / (before_w - w)
@@ -160,19 +160,19 @@ def _make_cruise(digest: str) -> Callable[..., Any]:
             flight_[flight.TOP] = max(flight_[flight.TOP], y[d - 1])
             if model.spins > 0:
                 flight_[flight.TURNED] += 0.5 * dt * (spin_before + (y[4] if model.dimensions == 2 else y[7]))
-            path[done, 0] = numbers[_march.TIME]
+            path[done, 0] = numbers[stepper.TIME]
             for a in range(n):
                 path[done, 1 + a], path[done, 1 + n + a] = y[a], rates[0, a]
             done += 1
             if ends:
-                return _march.END, done
+                return stepper.END, done
             if w <= 0.0 and y[d - 1] < bed.highest:
                 draws = uniforms(bed.seed, bed.grain, int(flight_[flight.IMPACTS]))
                 u = y[d] + both(model.profile, y[d - 1])[0]
                 v = 0.0 if model.dimensions == 2 else y[d + 1]
                 if y[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
                     return IMPACT, done
-        return _march.FULL, done
+        return stepper.FULL, done
 
     return cruise
 
@@ -185,8 +185,8 @@ def _make_strike(digest: str) -> Callable[..., Any]:
         model: flight.Model,
         bed: flight.Bed,
         memory: flight.Memory,
-        problem: _march.Problem,
-        state: _march.State,
+        problem: stepper.Problem,
+        state: stepper.State,
         spin: Floats,
         flight_: Floats,
         work: flight.Work,
@@ -240,7 +240,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
         plan.push(stream, first[d : d + m])
         plan.jump(stream, state.jump.copy())
     room[0][0] = first
-    state.numbers[_march.STEPS] = 1.0
+    state.numbers[stepper.STEPS] = 1.0
     wanted = scene.run.jumps
     rows: list[Floats] = []
     kept: list[Floats] = [np.concatenate([[0.0], state.y, np.full(n, np.nan)])[None]]
@@ -285,14 +285,14 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
                 else:
                     plan.jump(stream, state.jump.copy(), g=after[d : d + m])
             room[0][0] = after
-            state.numbers[_march.STEPS] = 1.0
+            state.numbers[stepper.STEPS] = 1.0
             if scene.run.trajectory:
-                kept.append(np.concatenate([[state.numbers[_march.TIME]], state.y, np.full(n, np.nan)])[None])
+                kept.append(np.concatenate([[state.numbers[stepper.TIME]], state.y, np.full(n, np.nan)])[None])
             if progress is not None and wanted:
                 progress(min(1.0, grain.flight[flight.TAKEN] / wanted))
-            if code == _march.ACCEPTED:
+            if code == stepper.ACCEPTED:
                 continue
-        if code != _march.FULL:
+        if code != stepper.FULL:
             break
     status, message = ending(code, grain, ("failed", "the steps diverge: take a smaller solver.dt or a lower history.order"))
     table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))

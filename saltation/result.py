@@ -19,6 +19,7 @@ from numpy.polynomial import legendre
 
 from basset import __version__
 from basset.kernels import Floats
+from basset.solvers import stepper
 from saltation import flight, regressions, statistics
 from saltation._files import DamageError, content_of, open_dataset, store
 from saltation.effects import EFFECTS
@@ -239,11 +240,11 @@ class Result(Kept):
     provenance: dict[str, Any]
     _path: xr.Dataset | None = None
     _engine: Engine | None = None
-    _record: flight.Record | None = None
+    _record: stepper.Record | None = None
     _spins: Floats | None = None
 
     @classmethod
-    def of(cls, engine: Engine, rows: Floats, record: flight.Record | None, status: str, message: str, spin: Floats) -> Result:
+    def of(cls, engine: Engine, rows: Floats, record: stepper.Record | None, status: str, message: str, spin: Floats) -> Result:
         """From what the flights recorded.
 
         Parameters
@@ -549,12 +550,12 @@ def table_in(whole: xr.Dataset, name: str, empty: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame({column: found[column] for column in empty}) if found else empty
 
 
-def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.Dataset:
+def path_of(engine: Engine, record: stepper.Record | None, spins: Floats) -> xr.Dataset:
     """The path from the recorded steps: at every takeoff and at the nodes of every step up to where it was cut; the start alone where none was flown."""
     tables = engine.tables
     count = tables.count
     if record is not None:
-        which = np.cumsum(np.append(0, record.impact[:-1] > 0.0))  # flight of each step
+        which = np.cumsum(np.append(0, record.leapt[:-1] > 0.0))  # flight of each step
         length = np.bincount(which, record.share * record.size)
         flown = (record.share > 0.0) & ((length > REST)[which] | (which == which[-1]))  # a rebound may leave no flight at all, but for rounding
     if record is None or not flown.any():
@@ -562,11 +563,11 @@ def path_of(engine: Engine, record: flight.Record | None, spins: Floats) -> xr.D
         state = engine.state_of(start)[None]
         return path_at(engine, np.zeros(1), state, np.full_like(state, np.nan), np.array([start.spin]))
     which = which[flown]
-    record = flight.Record(*(array[flown] for array in record))
+    record = stepper.Record(*(array[flown] for array in record))
     singular = record.kind == 1.0
     takeoff = np.zeros(len(record.start), dtype=bool)
     takeoff[0] = True
-    takeoff[1:] = record.impact[:-1] > 0.0
+    takeoff[1:] = record.leapt[:-1] > 0.0
     theta = record.share[:, None] * np.concatenate([[0.0], tables.nodes.c])  # (step, place)
     x = 2.0 * np.where(singular[:, None], np.sqrt(theta), theta) - 1.0
     basis = legendre.legvander(x, count)  # (step, place, degree)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from basset.kernels import BassetKernel, Floats
-from basset.solvers import _march
-from basset.solvers._graded import step_tables
+from basset.solvers import stepper
+from basset.solvers._tables import step_tables
 from saltation import flight
 from saltation._keys import key_of
 from saltation.engine import Engine, Grain
@@ -32,13 +32,13 @@ GROWTH = 64.0  # of a memory that was too short, at most
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
 STATUS = {
     flight.JUMPS: ("finished", "all jumps are done"),
-    _march.END: ("finished", "the time is over"),
+    stepper.END: ("finished", "the time is over"),
     flight.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
     flight.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain does not come down in that time"),
     flight.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
-    _march.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
-    _march.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
-    _march.TOO_MANY: ("failed", "too many steps"),
+    stepper.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
+    stepper.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
+    stepper.TOO_MANY: ("failed", "too many steps"),
 }
 
 
@@ -151,22 +151,22 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
         heirs.append(Heir(heirs[-1].engine, grain))
     recording = scene.run.trajectory or scene.bed is None
     aloft = scene.bed is None  # steps grow: noise of the velocities counts for the positions, so the Jacobian is renewed often
+    table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
     record = empty_record(RENEWED if aloft else CHUNK if recording else 1, engine.tables.count, engine.states)
     while True:
         if aloft:
-            grain.state.numbers[_march.KNOWN] = 0.0
-        table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
+            grain.state.numbers[stepper.KNOWN] = 0.0
         grain.flight[flight.DONE] = 0.0
         code, done = grain.fly(record, recording, table)
-        rows.append(table[: int(grain.flight[flight.DONE])])
+        rows.append(table[: int(grain.flight[flight.DONE])].copy())
         if scene.run.trajectory and done:
             trail.add(record, done)
         for heir in heirs:
             heir.follow(record, done)
-        report(min(1.0, float(grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[_march.TIME] / engine.end)))
-        if code == _march.END and heirs:
+        report(min(1.0, float(grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[stepper.TIME] / engine.end)))
+        if code == stepper.END and heirs:
             grain = heirs.pop(0).take_over(grain)
-        elif code not in (_march.FULL, flight.CROWDED):
+        elif code not in (stepper.FULL, flight.CROWDED):
             break
     return Result.of(grain.engine, np.concatenate(rows), trail.whole(), *ending(code, grain), grain.spin[:3])
 
@@ -189,14 +189,14 @@ class Heir:
         self.past = np.repeat(grain.state.jump[:, None], len(self.engine.rates), axis=1)
         self.known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
 
-    def follow(self, record: flight.Record, done: int) -> None:
+    def follow(self, record: stepper.Record, done: int) -> None:
         """What the recorded steps leave in it."""
         engine, tables, where = self.engine, self.engine.tables, self.engine.problem.where
         for h, kind, share, values in zip(record.size[:done], record.kind[:done], record.share[:done], record.values[:done], strict=True):
             if share < 1.0:
                 none = np.zeros(0)
-                state = _march.State(none, none, self.past, np.zeros(len(where)), none, none)
-                _march.cut_memory(where, tables.nodes, engine.rates, engine.cut, state, h, share, int(kind), values)
+                state = stepper.State(none, none, self.past, np.zeros(len(where)), none, none)
+                stepper.cut_memory(where, tables.nodes, engine.cut, state, h, share, int(kind), values)
                 continue
             if (h, kind) not in self.known:
                 found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
@@ -209,7 +209,7 @@ class Heir:
         heir, state = Grain(self.engine), grain.state
         state.jump[:] = 0.0
         heir.state = state._replace(past=np.ascontiguousarray(self.past))
-        heir.spin, heir.flight, heir.work, heir.values = grain.spin, grain.flight, grain.work, grain.values
+        heir.spin, heir.flight, heir.values = grain.spin, grain.flight, grain.values
         return heir
 
 
@@ -218,20 +218,20 @@ class Trail:
 
     def __init__(self, most: int | None) -> None:
         self.most, self.every, self.seen = most, 1, 0
-        self.parts: list[flight.Record] = []
-        self.last: flight.Record | None = None
+        self.parts: list[stepper.Record] = []
+        self.last: stepper.Record | None = None
 
-    def add(self, record: flight.Record, done: int) -> None:
+    def add(self, record: stepper.Record, done: int) -> None:
         """Keep what was recorded."""
         first = -self.seen % self.every
-        self.parts.append(flight.Record(*(array[first : done : self.every].copy() for array in record)))
-        self.last = flight.Record(*(array[done - 1 : done].copy() for array in record))
+        self.parts.append(stepper.Record(*(array[first : done : self.every].copy() for array in record)))
+        self.last = stepper.Record(*(array[done - 1 : done].copy() for array in record))
         self.seen += done
         if self.most is not None and self.seen > self.most * self.every:
-            self.parts = [flight.Record(*(array[::2].copy() for array in joined(self.parts)))]
+            self.parts = [stepper.Record(*(array[::2].copy() for array in joined(self.parts)))]
             self.every *= 2
 
-    def whole(self) -> flight.Record | None:
+    def whole(self) -> stepper.Record | None:
         """All that is kept, the last step too; None if there is nothing."""
         if self.last is None:
             return None
@@ -239,9 +239,9 @@ class Trail:
         return joined([*self.parts, self.last] if left_out else self.parts)
 
 
-def joined(parts: list[flight.Record]) -> flight.Record:
+def joined(parts: list[stepper.Record]) -> stepper.Record:
     """Records one after the other."""
-    return flight.Record(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return stepper.Record(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
@@ -257,7 +257,7 @@ def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
     return found if found.chosen is not None and found.chosen.of == key_of(scene) else None
 
 
-def empty_record(steps: int, stages: int, states: int) -> flight.Record:
+def empty_record(steps: int, stages: int, states: int) -> stepper.Record:
     """Room for so many steps."""
-    shapes: tuple[Any, ...] = (steps, steps, steps, steps, steps, (steps, states), (steps, stages, states))
-    return flight.Record(*(np.zeros(shape) for shape in shapes))
+    shapes: tuple[Any, ...] = (steps, steps, steps, steps, (steps, states), (steps, stages, states), steps, (steps, 0), (steps, 0))
+    return stepper.Record(*(np.zeros(shape) for shape in shapes))

@@ -1,160 +1,27 @@
-"""Graded collocation at work: bases, tables of one step size, and the integration around the inner loop of `_march`."""
+"""Graded collocation at work: the integration around the march of `stepper`."""
 
 from __future__ import annotations
 
 import math
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.polynomial import legendre
 
-from basset._compile import Callbacks, c_function, filled, invoke, is_compiled
+from basset._compile import Callbacks, c_function, filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
-from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.solvers import _march, _sliding, events
+from basset.kernels import Floats, gauss_legendre
+from basset.solvers import _sliding, events, stepper
+from basset.solvers._tables import DECAYED, QUADRATURE, STAYS, stages_of, tables_of
 from basset.solvers.base import Event, Piece, SolverError, Stretch, Task, Trace, returned, stretches
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
 
-QUADRATURE = 48
 FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
-DECAYED = 40.0  # e^(−40) is below rounding
-
-
-def legendre_values(x: Floats, degree: int) -> Floats:
-    """Legendre polynomials (…, degree+1) at x; at a single place without what NumPy takes to begin."""
-    if x.size != 1:
-        return np.asarray(legendre.legvander(x, degree))
-    place = float(x.item())
-    found = [1.0, place]
-    for k in range(2, degree + 1):
-        found.append((found[k - 1] * place * (2 * k - 1) - found[k - 2] * (k - 1)) / k)
-    return np.array(found[: degree + 1]).reshape(*x.shape, degree + 1)
-
-
-class Nodal:
-    """Polynomials on [0, 1] by their values at nodes, kept in Legendre coefficients."""
-
-    def __init__(self, nodes: Floats) -> None:
-        self.nodes = nodes
-        self.degree = len(nodes) - 1
-        self.coefficients = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, self.degree))  # (degree+1, nodes)
-        self._slopes = 2.0 * legendre.legder(self.coefficients) if self.degree else np.zeros((1, 1))
-        self._integrals = 0.5 * legendre.legint(self.coefficients, lbnd=-1.0)
-
-    def values(self, x: Floats) -> Floats:
-        """Basis (…, nodes) at x."""
-        return np.asarray(legendre_values(2.0 * x - 1.0, self.degree) @ self.coefficients)
-
-    def slopes(self, x: Floats) -> Floats:
-        """Derivatives of the basis (…, nodes) at x."""
-        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
-
-    def integrals(self, x: Floats) -> Floats:
-        """Integrals of the basis from 0 to x (…, nodes)."""
-        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
-
-
-class Stages:
-    """Nodes and bases for S stages."""
-
-    def __init__(self, stages: int) -> None:
-        from scipy.special import roots_jacobi
-
-        inner = roots_jacobi(stages - 1, 1.0, 0.0)[0] if stages > 1 else np.empty(0)
-        self.c = np.append((inner + 1.0) / 2.0, 1.0)  # Radau IIA
-        self.regular = Nodal(self.c)
-        self.singular = Nodal(np.concatenate([[0.0], np.sqrt(self.c)]))
-        self.integral = self.regular.integrals(self.c)  # (stage, node)
-        root = np.sqrt(self.c)
-        self.slope = self.singular.slopes(root)[:, 1:] / (2.0 * root[:, None])  # d/dθ at the nodes, of y − y_n
-        ends = np.concatenate([[0.0], root])  # between the nodes, where the defect of a singular step is looked at
-        self.between = 0.5 * (ends[1:] + ends[:-1])
-        self.width = np.diff(ends)
-
-
-@lru_cache(maxsize=32)
-def stages_of(count: int) -> Stages:
-    """The nodes and bases, made once."""
-    return Stages(count)
-
-
-@lru_cache(maxsize=512)
-def local_history(count: int, kernel: Kernel) -> tuple[Floats, Floats]:
-    """History at the nodes of what happens inside a unit step: (regular, singular), each (stage, node).
-
-    Regular: ∫_0^c K(c − θ) L_j(θ) dθ. Singular: ∫_0^c K(c − θ) dℓ_j(√θ), split at c/8 from the kernel's singularity.
-    """
-    stages = stages_of(count)
-    regular = np.empty((count, count))
-    for i, c in enumerate(stages.c):
-        nodes, weights = kernel.rule(0.0, c)
-        regular[i] = weights @ stages.regular.values(c * (1.0 - nodes))
-    return regular, singular_history(stages, kernel, stages.c)
-
-
-def singular_history(stages: Stages, kernel: Kernel, places: Floats) -> Floats:
-    """∫_0^c K(c − θ) dℓ_j(√θ) at c in `places`: (place, node)."""
-    result = np.empty((len(places), stages.singular.degree))
-    x, w = gauss_legendre(QUADRATURE)
-    for i, c in enumerate(places):
-        near = c / 8.0
-        nodes, weights = kernel.rule(0.0, near)
-        sigma = np.sqrt(c - near * nodes)
-        result[i] = weights @ (stages.singular.slopes(sigma) / (2.0 * sigma[:, None]))[:, 1:]
-        far = math.sqrt(c - near)
-        sigma = far * x
-        result[i] += (far * w * kernel._values(c - sigma**2)) @ stages.singular.slopes(sigma)[:, 1:]
-    return result
-
-
-@lru_cache(maxsize=512)
-def history_between(count: int, kernel: Kernel) -> Floats:
-    """`singular_history` halfway between the nodes."""
-    stages = stages_of(count)
-    return singular_history(stages, kernel, stages.between**2)
-
-
-def moments(stages: Stages, rates: Floats, h: float, theta: float, singular: bool) -> Floats:
-    """∫ e^(−λ(θh − s)) dy(s) over [0, θh] for each term and node: (term, node), node values of y' or of y − y_n.
-
-    Fast terms see only the end of the interval: its last 40 decay times are integrated there.
-    """
-    x, w = gauss_legendre(QUADRATURE)
-    z = rates * h * theta
-    share = np.minimum(1.0, DECAYED / z)[:, None]  # of θ
-    if singular:  # in σ, from where the decay begins to matter
-        low = np.sqrt(np.maximum(0.0, 1.0 - share))
-        width = share / (1.0 + low)  # 1 − low without cancellation
-        position = 1.0 - width * x  # σ/√θ
-        factor = width * w * math.sqrt(theta) * np.exp(-z[:, None] * (1.0 - position) * (1.0 + position))
-        basis = stages.singular.slopes(position * math.sqrt(theta))[..., 1:]
-    else:
-        position = 1.0 - share * x
-        factor = share * w * h * theta * np.exp(-z[:, None] * share * x)
-        basis = stages.regular.values(position * theta)
-    return np.asarray(np.einsum("tq,tqj->tj", factor, basis))
-
-
-@lru_cache(maxsize=512)
-def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, singular: bool) -> tuple[Floats, ...]:
-    """What the loop needs for one step size: past, decay, moments, local; for a singular step also kernel, between_…."""
-    stages, scaled, root = stages_of(count), kernel.scaled(h), math.sqrt(h)
-    past = tail.weights * np.exp(-np.outer(stages.c * h, tail.rates))
-    decay, gained = np.exp(-tail.rates * h), moments(stages, tail.rates, h, 1.0, singular)
-    if not singular:
-        return past, decay, gained.T, root * local_history(count, scaled)[0]
-    places = stages.between**2
-    between = tail.weights * np.exp(-np.outer(places * h, tail.rates))
-    values = kernel._values(stages.c * h), kernel._values(places * h)
-    return past, decay, gained.T, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
-
-
 # the shortest lag of the sum and the shortest step, in time spans: as a rule; after jumps; where something relaxes even faster
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
@@ -201,7 +68,7 @@ class Integration:
         self.task, self.trace = task, trace
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
-        self.stages = stages = stages_of(count)
+        self.stages = stages_of(count)
         self.active = active = task.coefficient > 0.0
         span = task.end - task.start
         limit = min(method.max_step or span, span)
@@ -214,22 +81,14 @@ class Integration:
         self.thrown = False  # from one side of a jump to the other and back, and not to be held there
         self.contact: Floats | None = None  # the jump of fun on the surface ahead, if it will slide there
         stretch = self.stretches[0]
-        self.problem = _march.Problem(
+        self.problem = stepper.Problem(
             stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
             stretch.first, stretch.last,
         )  # fmt: skip
         self.remembers = bool(active.any())
-        between = stages.between
-        regular, singular = stages.regular.coefficients, stages.singular.coefficients[:, 1:]
-        constants = (stages.singular.values(between)[:, 1:], stages.singular.slopes(between)[:, 1:], stages.regular.values(np.zeros(1))[0])
-        arrays = (stages.c, stages.slope, stages.integral, regular, singular, between, stages.width, *constants, stages.regular._integrals)
-        self.nodes = _march.Nodes(*(np.ascontiguousarray(array) for array in arrays))
         n, m = len(task.y0), int(active.sum())
-        numbers = np.zeros(15)
-        numbers[_march.TIME] = numbers[_march.JUMPED] = task.start
-        numbers[_march.STEP] = numbers[_march.FIRST] = min(limit, span / 64.0)
-        numbers[_march.SINGULAR] = float(self.remembers)
-        self.state = _march.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+        numbers = stepper.start_numbers(task.start, min(limit, span / 64.0), self.remembers)
+        self.state = stepper.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
         fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
         self.depth = max(depth, int(any(event.jump is not None for event in task.events) or fading > 1e5))
         closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
@@ -240,16 +99,14 @@ class Integration:
         near, floor = DEPTHS[self.depth]
         self.problem = self.problem._replace(floor=floor * span)
         self.tail = self._sum(near * span) if self.remembers else None
-        terms = len(self.tail) if self.tail else 0
-        rungs = math.ceil(_march.LADDER * math.log2(1.0 / floor)) + 2
-        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, count, terms), (2, count, count), (count,)]
-        shapes += [(count, terms), (count, count), (count,)]
-        self.tables = _march.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
-        self.state = self.state._replace(past=np.zeros((m, terms)))
+        self.tables = tables_of(count, self.tail, task.kernel, floor * span, span)
+        self.odd = self.tables.odd()
+        self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
-        self.cut = _march.Cut(*gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
-        self.room = _march.room(count, n)
-        self.values, self.record, self.signal = np.zeros((count, n)), self._record(64), np.zeros((1, 1))
+        rates = np.array(self.tail.rates) if self.tail is not None else np.empty(0)
+        self.cut = stepper.Cut(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
+        self.room = stepper.room(count, n)
+        self.values, self.record = np.zeros((count, n)), self._record(64)
         self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
@@ -278,18 +135,6 @@ class Integration:
                 if tolerance > 1e-3:
                     raise
                 tolerance *= 2.0
-
-    def _fill(self) -> None:
-        """Make the tables for the step size that the loop asks for."""
-        numbers, tables, kernel = self.state.numbers, self.tables, self.task.kernel
-        h, slot, kind = float(numbers[_march.STEP]), int(numbers[_march.SLOT]), int(numbers[_march.SINGULAR])
-        tables.sizes[slot] = np.where(np.arange(2) == kind, h, np.where(tables.sizes[slot] == h, h, 0.0))
-        if self.tail is None:
-            return
-        past, decay, gained, local, *singular = step_tables(self.count, self.tail, kernel, h, bool(kind))
-        tables.past[slot, kind], tables.decay[slot], tables.moments[slot, kind], tables.local[slot, kind] = past, decay, gained, local
-        if kind:
-            tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
 
     def run(self) -> None:
         """March to the end, or to what stops before."""
@@ -322,84 +167,89 @@ class Integration:
         if self.bound is None:
             self.bound = self._bind()
         if self.surfaces:
-            calls_before = float(self.state.numbers[_march.CALLS])  # the task counts by itself
+            calls_before = float(self.state.numbers[stepper.CALLS])  # the task counts by itself
             try:
                 code, done = self._along()
             finally:
-                self.state.numbers[_march.CALLS] = calls_before
+                self.state.numbers[stepper.CALLS] = calls_before
         else:
-            code, done = _march.march(*self.bound)
+            code, done = stepper.march(*self.bound[1])
         self._keep(done)
-        if self.surfaces and code == _march.FULL and done:
+        if self.surfaces and code == stepper.FULL and done:
             self._fit()
         if calls.raised is not None:
             raise calls.raised
-        if code == _march.TABLE:
-            self._fill()
-        elif code == _march.END:
+        if code == stepper.TABLE:
+            self.tables.fill(self.odd, self.state.numbers)
+        elif code == stepper.END:
             return self._turn()
-        elif code in (_march.STOPPED, _march.LYING):
-            self.trace.status = 1 if code == _march.STOPPED else 2
+        elif code in (stepper.STOPPED, stepper.LYING):
+            self.trace.status = 1 if code == stepper.STOPPED else 2
             return False
-        elif code == _march.SUSPECT:
+        elif code == stepper.SUSPECT:
             self._look()
-        elif code == _march.TOO_SMALL:
+        elif code == stepper.TOO_SMALL:
             if not (self._look() or self._crosses()):
                 if self._fades():
                     raise TooFastError
                 raise SolverError(self._reason(code))
-        elif code != _march.FULL:
+        elif code != stepper.FULL:
             raise SolverError(self._reason(code))
         return True
 
     def _bind(self) -> tuple[Any, ...]:
-        """The arguments of the march for the running stretch."""
-        problem, found = self.problem, self.events
+        """The parts of a step, and the arguments of the march, for the running stretch."""
+        problem, found, room = self.problem, self.events, self.room
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
-        common = problem, self.nodes
-        attempt, first = _march.attempt_entry(_march.Attempt(m, *common, self.tables, self.state, self.values, self.room))
-        watch, second = attempt, None
+        equation = stepper.Equation(m.fun, m.own, m.held)
+        tables = self.tables
+        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, self.odd, self.state, self.values, STAYS, self.cut, room))
+        solve, first = stepper.fully_entry(parts)
+        attempt, second = stepper.attempt_entry(stepper.Attempt(parts, solve))
+        watch, third = attempt, None
         watching = bool(self.task.events) and not self.surfaces
         if watching:
-            watch, second = _march.watch_entry(_march.Watch(m, found, *common, self.cut, self.state, self.values, self.room, self.record))
-        self.kept = first, second
+            watch, third = stepper.watch_entry(stepper.Watch(m, found, parts, self.record))
+        self.kept = first, second, third
         most = len(found.log_times) // 2
-        return attempt, watch, watching, *common, self.tables, self.state, self.values, found.logged, most, self.record, self.signal
+        return parts, (attempt, watch, watching, placed(parts), found.logged, most, placed(self.record), True)
 
     def _along(self) -> tuple[int, int]:
-        """One step along the surfaces, up to where the state leaves one; as `_march.march`."""
+        """One step along the surfaces, up to where the state leaves one; as `stepper.march`."""
         assert self.bound is not None
         state, numbers, found, record = self.state, self.state.numbers, self.events, self.record
         m = self.plain._replace(first=self.problem.first, last=self.problem.last)
-        invoke(self.bound[0], 0.0, self.signal[0], self.signal[0], self.signal[0])
-        code, done = int(self.signal[0, 0]), 0
-        if code == _march.ACCEPTED:
-            code, h, kind, start = _march.FULL, float(numbers[_march.STEP]), int(numbers[_march.SINGULAR]), float(numbers[_march.TIME])
+        parts, (attempt, *_) = self.bound
+        signal = self.room.signal[0]
+        invoke(attempt, 0.0, signal, signal, signal)
+        code, done = int(signal[0]), 0
+        if code == stepper.ACCEPTED:
+            code, h, kind, start = stepper.FULL, float(numbers[stepper.STEP]), int(numbers[stepper.SINGULAR]), float(numbers[stepper.TIME])
             share, surface = self._leaves(self._piece(start, h, bool(kind), state.y.copy(), self.values.copy()))
             if surface is not None and h * share <= 4.0 * math.ulp(start):
                 self._leave(surface)
                 return code, 0
-            _march.fit_polynomial(self.nodes, kind, h, self.values, self.room.polynomial)
+            stepper.fit_polynomial(parts.nodes, kind, h, self.values, self.room.polynomial)
             theta, done = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.room.polynomial), share), 1
             if theta > 1.0 and surface is None:
-                _march.accept(self.problem, self.nodes, self.tables, state, self.values, record, 0)
-                record.share[0], record.leapt[0] = 1.0, 0.0
+                stepper.keep(parts, record, 0, 1.0)
+                stepper.accept(parts)
             else:
                 if theta > 1.0:
                     found.count[0], theta = 0, share
-                status = _march.to_event(m, found, self.problem, self.nodes, self.cut, state, self.values, self.room, record, 0, theta)
-                code = {events.PASSED: _march.FULL, events.TERMINAL: _march.STOPPED, events.RESTING: _march.LYING}[status]
+                status = stepper.to_event(m, found, parts, record, 0, theta)
+                code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.LYING}[status]
                 if record.leapt[0]:
-                    t = float(numbers[_march.TIME])
+                    t = float(numbers[stepper.TIME])
                     self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self.task.rate, t, state.y)])
-                    numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
+                    numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
                 elif surface is not None:
                     self._leave(surface)
         return code, done
 
     def _count(self) -> None:
         """Add what compiled code has evaluated."""
-        self.task.nfev += int(self.state.numbers[_march.CALLS])
+        self.task.nfev += int(self.state.numbers[stepper.CALLS])
 
     def _set_surfaces(self, surfaces: list[_sliding.Surface]) -> None:
         """The state slides along these from here."""
@@ -422,7 +272,7 @@ class Integration:
     def _fades(self) -> bool:
         """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
         numbers, deeper = self.state.numbers, self.depth + 1
-        if deeper == len(DEPTHS) or numbers[_march.TIME] - numbers[_march.JUMPED] > 1e4 * self.problem.floor:
+        if deeper == len(DEPTHS) or numbers[stepper.TIME] - numbers[stepper.JUMPED] > 1e4 * self.problem.floor:
             return False
         if not self.remembers or _has_geometric(self.task.kernel):
             return True
@@ -441,32 +291,32 @@ class Integration:
         self.problem, self.bound = self.problem._replace(end=stretch.end, first=stretch.first, last=stretch.last), None
         if self.approaching:
             self.approaching = False
-            numbers[_march.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
+            numbers[stepper.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
             self._look()
             return True
         contact, self.contact = self.contact, None
         if contact is not None and self._slide(contact):
             self.beyond = None
             return True
-        self._begin(0.5 * (stretch.end - float(numbers[_march.TIME])))
+        self._begin(0.5 * (stretch.end - float(numbers[stepper.TIME])))
         if self.beyond is not None:  # differences across the jump are no derivatives
-            h = float(numbers[_march.STEP])
+            h = float(numbers[stepper.STEP])
             place = self.state.y + 1e-4 * h * self.beyond
-            here, t = self.task.rate(float(numbers[_march.TIME]), place), float(numbers[_march.TIME])
+            here, t = self.task.rate(float(numbers[stepper.TIME]), place), float(numbers[stepper.TIME])
             for j in range(len(place)):
                 shifted = place.copy()
                 shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
                 self.state.jacobian[:, j] = (self.task.rate(t, shifted) - here) / (shifted[j] - place[j])
-            numbers[_march.KNOWN], self.beyond = 1.0, None
+            numbers[stepper.KNOWN], self.beyond = 1.0, None
         return True
 
     def _begin(self, most: float) -> None:
         """Start anew here: fun goes on otherwise, the state does not jump."""
         numbers = self.state.numbers
-        numbers[_march.SMOOTH] = numbers[_march.KNOWN] = numbers[_march.REFUSED] = 0.0
-        numbers[_march.SINGULAR] = float(self.remembers and not self.surfaces)
-        numbers[_march.JUMPED] = numbers[_march.TIME]
-        numbers[_march.STEP] = min(float(numbers[_march.FIRST]), most)
+        numbers[stepper.SMOOTH] = numbers[stepper.KNOWN] = numbers[stepper.REFUSED] = 0.0
+        numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
+        numbers[stepper.JUMPED] = numbers[stepper.TIME]
+        numbers[stepper.STEP] = min(float(numbers[stepper.FIRST]), most)
 
     def _near(self, sizes: Floats) -> Floats:
         """How far the state may be from a surface that it was to reach: the error of a step, or what rates of `sizes` move in the shortest one."""
@@ -483,7 +333,7 @@ class Integration:
 
     def _slide(self, jump: Floats) -> bool:
         """Go on along the surface on which fun has that jump; False if it is not near enough or fun does not jump."""
-        state, t, surface = self.state, float(self.state.numbers[_march.TIME]), self._surface(jump)
+        state, t, surface = self.state, float(self.state.numbers[stepper.TIME]), self._surface(jump)
         if state.jump.any():  # a singular step would not see the layer
             return False
         found = surface.located(self._rate, t, state.y)
@@ -497,7 +347,7 @@ class Integration:
 
     def _crosses(self) -> bool:
         """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
-        t, y, memory, floor = float(self.state.numbers[_march.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
+        t, y, memory, floor = float(self.state.numbers[stepper.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
         memory[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, self.task.coefficient) * self._memory(t)
         try:
             velocity = self._rate(t, y) - memory
@@ -523,14 +373,14 @@ class Integration:
         pieces = self.trace.pieces[-CREEP:]
         since, newest = pieces[0].start, pieces[-1]
         short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
-        if len(pieces) == CREEP and short and since >= self.state.numbers[_march.JUMPED]:
+        if len(pieces) == CREEP and short and since >= self.state.numbers[stepper.JUMPED]:
             raise SolverError(SLIDING.format(since))
         for k, old in enumerate(self.surfaces):
             new = self._surface(old.jump)
-            found = old.located(self.task.rate, float(self.state.numbers[_march.TIME]), self.state.y)
+            found = old.located(self.task.rate, float(self.state.numbers[stepper.TIME]), self.state.y)
             if found is not None and not 0.25 < np.abs(new.half).max() / np.abs(old.half).max() < 4.0:
                 self.state.y[:] += found[0] * (old.half - new.half)
-                self.surfaces[k], self.state.numbers[_march.KNOWN] = new, 0.0
+                self.surfaces[k], self.state.numbers[stepper.KNOWN] = new, 0.0
 
     def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
         """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
@@ -563,9 +413,9 @@ class Integration:
     def _look(self) -> bool:
         """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
         state, numbers, problem = self.state, self.state.numbers, self.problem
-        t, window = float(numbers[_march.TIME]), float(min(numbers[_march.TRIED], problem.end - numbers[_march.TIME]))
+        t, window = float(numbers[stepper.TIME]), float(min(numbers[stepper.TRIED], problem.end - numbers[stepper.TIME]))
         self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
-        if numbers[_march.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
+        if numbers[stepper.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
             return False
         piece, y, slope = self.trace.pieces[-1], state.y.copy(), state.rate.copy()
         scale = np.maximum(problem.atol + problem.rtol * np.abs(y), 1e-300)
@@ -621,33 +471,33 @@ class Integration:
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]
         self.problem, self.bound = problem._replace(end=stretch.end, last=stretch.last), None
-        numbers[_march.STEP] = max(float(numbers[_march.STEP]), 0.5 * float(numbers[_march.TRIED]))
+        numbers[stepper.STEP] = max(float(numbers[stepper.STEP]), 0.5 * float(numbers[stepper.TRIED]))
         return True
 
     def _reason(self, code: int) -> str:
-        numbers, t = self.state.numbers, self.state.numbers[_march.TIME]
-        if code == _march.TOO_MANY:
+        numbers, t = self.state.numbers, self.state.numbers[stepper.TIME]
+        if code == stepper.TOO_MANY:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
-        if code == _march.TROUBLE and self.events.trouble[0] != events.FUN_FAILED:
+        if code == stepper.TROUBLE and self.events.trouble[0] != events.FUN_FAILED:
             what = "event" if self.events.trouble[0] == events.EVENT_FAILED else "jump of event"
             return f"{what} {self.events.trouble[1]} was not finite at t = {self.events.trouble_at[0]:.6g}"
-        if code == _march.TROUBLE:
+        if code == stepper.TROUBLE:
             return f"fun was not finite in component {self.events.trouble[1]} at t = {self.events.trouble_at[0]:.6g}"
-        if code == _march.NOT_FINITE:
-            return f"fun was not finite in component {int(numbers[_march.WHAT])} at t = {numbers[_march.WHERE]:.6g}"
+        if code == stepper.NOT_FINITE:
+            return f"fun was not finite in component {int(numbers[stepper.WHAT])} at t = {numbers[stepper.WHERE]:.6g}"
         if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
-    def _record(self, steps: int) -> _march.Record:
+    def _record(self, steps: int) -> stepper.Record:
         n = len(self.state.y)
         shapes: list[Any] = [steps, steps, steps, steps, (steps, n), (steps, self.count, n), steps, (steps, n), (steps, n)]
-        return _march.Record(*(np.zeros(shape) for shape in shapes))
+        return stepper.Record(*(np.zeros(shape) for shape in shapes))
 
     def _keep(self, done: int) -> None:
         """Append recorded steps and events to the trace."""
         trace, record = self.trace, self.record
-        ends = [*record.start[1:done].tolist(), float(self.state.numbers[_march.TIME])]
+        ends = [*record.start[1:done].tolist(), float(self.state.numbers[stepper.TIME])]
         after = [*record.y[1:done].copy(), self.state.y.copy()]
         for k in range(done):
             share, leapt = float(record.share[k]), bool(record.leapt[k])
@@ -670,7 +520,7 @@ class Integration:
 
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""
-        state, t = self.state, float(self.state.numbers[_march.TIME])
+        state, t = self.state, float(self.state.numbers[stepper.TIME])
         found = surface.located(self.task.rate, t, state.y)
         self._set_surfaces([other for other in self.surfaces if other is not surface])
         self._begin(0.5 * (self.stretches[0].end - t))
@@ -684,12 +534,12 @@ class Integration:
             shifted = place.copy()
             shifted[j] += shift
             state.jacobian[:, j] = (self._rate(t, shifted) - here) / (shifted[j] - place[j])
-        state.numbers[_march.KNOWN] = 1.0
+        state.numbers[stepper.KNOWN] = 1.0
 
     def _memory(self, t: float) -> Floats:
         """H of the components in memory at t, had nothing happened since the step's start."""
         result = np.zeros(len(self.task.memory))
         if self.tail is not None:
-            lag = t - float(self.state.numbers[_march.TIME])
+            lag = t - float(self.state.numbers[stepper.TIME])
             result[self.active] = (self.state.past + self.state.jump[:, None]) @ (self.tail.weights * np.exp(-self.tail.rates * lag))
         return result

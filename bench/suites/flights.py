@@ -18,7 +18,7 @@ import numpy as np
 import saltation
 from basset import measure
 from basset.kernels import Floats
-from basset.solvers import _march
+from basset.solvers import stepper
 from bench import hand_written
 from bench.grains import at_fixed_steps, base, changed
 from saltation import campaigns, flight
@@ -116,8 +116,8 @@ def costs(rounds: int) -> dict[str, Any]:
                 "scene": name,
                 "rtol": scenes[name][1],
                 "seconds": times[name] / JUMPS,
-                "steps": numbers[_march.STEPS] / JUMPS,
-                "calls": numbers[_march.CALLS] / JUMPS,
+                "steps": numbers[stepper.STEPS] / JUMPS,
+                "calls": numbers[stepper.CALLS] / JUMPS,
                 "stages": engine.tables.count,
                 "terms": len(engine.rates),
                 "states": engine.states,

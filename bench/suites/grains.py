@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 import saltation
-from basset.solvers import _march
+from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation import campaigns, flight, grains
 from saltation.cloud import Cloud, starts
@@ -99,7 +99,7 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
                 for own in timed.values():
                     own.fly(max(STRETCH, 0.25 * own.number))
             for number, own in timed.items():
-                steps = float(own.cloud.crowd.numbers[:, _march.STEPS].sum() / (own.clock * number))
+                steps = float(own.cloud.crowd.numbers[:, stepper.STEPS].sum() / (own.clock * number))
                 rows.append({"form": form, "concentration": concentration, "number": number, "seconds": own.best, "bytes": own.bytes, "steps": steps})
     return rows
 

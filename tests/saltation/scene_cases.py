@@ -14,7 +14,7 @@ import scipy.optimize
 import saltation
 from basset import reference
 from basset._compile import is_compiled
-from basset.solvers import _march
+from basset.solvers import stepper
 from saltation import encounters, fixed, flight
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}

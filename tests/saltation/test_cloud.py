@@ -15,7 +15,7 @@ import pytest
 from scene_cases import cloud_scene, sand_cloud
 
 import saltation
-from basset.solvers import _march
+from basset.solvers import stepper
 from saltation import cloud, flight
 from saltation.cloud import Folder, starts
 from saltation.engine import Engine, Grain, Start, tables_of
@@ -54,12 +54,12 @@ def alone(engine, grain, start, jumps):
     one = Grain(engine, grain, start)
     record, rows = empty_record(20000, engine.tables.count, engine.states), np.zeros((jumps, len(flight.COLUMNS)))
     code, done = one.fly(record, True, rows)
-    while code == _march.FULL:  # a table was missing: the rest goes behind
-        rest = flight.Record(*(array[done:] for array in record))
+    while code == stepper.FULL:  # a table was missing: the rest goes behind
+        rest = stepper.Record(*(array[done:] for array in record))
         code, more = one.fly(rest, True, rows)
         done += more
     assert code == flight.JUMPS
-    return rows, flight.Record(*(array[:done] for array in record))
+    return rows, stepper.Record(*(array[:done] for array in record))
 
 
 def test_without_encounters_each_flies_as_if_alone():
@@ -82,8 +82,8 @@ def test_without_encounters_each_flies_as_if_alone():
         for k, when in enumerate(times[times < end]):
             step = max(0, int(np.searchsorted(steps.start, when)) - 1)
             kind, h = int(steps.kind[step]), steps.size[step]
-            _march.fit_polynomial(nodes, kind, h, steps.values[step], polynomial)
-            _march.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
+            stepper.fit_polynomial(nodes, kind, h, steps.values[step], polynomial)
+            stepper.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
             row[3] += both(engine.profile, row[2])[0]
             assert (row[:6] == kept[k, i]).all()
             compared += 1

@@ -172,7 +172,7 @@ def test_a_failed_first_step_kept_its_path(monkeypatch, tmp_path):
     """It does not say to keep what was kept; what was not kept it does."""
     from saltation.engine import Grain
 
-    monkeypatch.setattr(Grain, "fly", lambda *_: (simulation._march.TOO_SMALL, 0))
+    monkeypatch.setattr(Grain, "fly", lambda *_: (simulation.stepper.TOO_SMALL, 0))
     for kept in (True, False):
         result = saltation.run(scene("bouncing", run={"trajectory": kept}))
         assert result.status == "failed"

@@ -9,7 +9,7 @@ import pytest
 from scene_cases import flown, scene
 
 import saltation
-from basset.solvers import _march
+from basset.solvers import stepper
 from saltation import flight
 from saltation.engine import Engine, Grain
 from saltation.simulation import empty_record
@@ -53,7 +53,7 @@ def steps_of(name, rtol, history=True):
     grain = Grain(engine)
     code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, np.zeros((JUMPS, len(flight.COLUMNS))))
     assert code == flight.JUMPS
-    return grain.state.numbers[[_march.STEPS, _march.CALLS]] / JUMPS
+    return grain.state.numbers[[stepper.STEPS, stepper.CALLS]] / JUMPS
 
 
 @pytest.mark.parametrize("rtol", RTOLS)

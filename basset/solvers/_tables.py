@@ -1,0 +1,224 @@
+"""Nodes, bases and history weights of graded collocation, and the tables of each step size that the stepper looks things up in."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from basset.exponentials import ExponentialSum
+from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, gauss_legendre
+from basset.solvers import stepper
+from basset.spectrum import slip_table
+
+QUADRATURE = 48
+DECAYED = 40.0  # e^(−40) is below rounding
+LOCAL_LOW, LOCAL_STEP, LOCAL_POINTS = math.log(1e-13), 0.25, 180
+
+
+def legendre_values(x: Floats, degree: int) -> Floats:
+    """Legendre polynomials (…, degree+1) at x; at a single place without what NumPy takes to begin."""
+    if x.size != 1:
+        return np.asarray(legendre.legvander(x, degree))
+    place = float(x.item())
+    found = [1.0, place]
+    for k in range(2, degree + 1):
+        found.append((found[k - 1] * place * (2 * k - 1) - found[k - 2] * (k - 1)) / k)
+    return np.array(found[: degree + 1]).reshape(*x.shape, degree + 1)
+
+
+class Nodal:
+    """Polynomials on [0, 1] by their values at nodes, kept in Legendre coefficients."""
+
+    def __init__(self, nodes: Floats) -> None:
+        self.nodes = nodes
+        self.degree = len(nodes) - 1
+        self.coefficients = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, self.degree))  # (degree+1, nodes)
+        self._slopes = 2.0 * legendre.legder(self.coefficients) if self.degree else np.zeros((1, 1))
+        self._integrals = 0.5 * legendre.legint(self.coefficients, lbnd=-1.0)
+
+    def values(self, x: Floats) -> Floats:
+        """Basis (…, nodes) at x."""
+        return np.asarray(legendre_values(2.0 * x - 1.0, self.degree) @ self.coefficients)
+
+    def slopes(self, x: Floats) -> Floats:
+        """Derivatives of the basis (…, nodes) at x."""
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._slopes) - 1) @ self._slopes)
+
+    def integrals(self, x: Floats) -> Floats:
+        """Integrals of the basis from 0 to x (…, nodes)."""
+        return np.asarray(legendre_values(2.0 * x - 1.0, len(self._integrals) - 1) @ self._integrals)
+
+
+class Stages:
+    """Nodes and bases for S stages."""
+
+    def __init__(self, stages: int) -> None:
+        from scipy.special import roots_jacobi
+
+        inner = roots_jacobi(stages - 1, 1.0, 0.0)[0] if stages > 1 else np.empty(0)
+        self.c = np.append((inner + 1.0) / 2.0, 1.0)  # Radau IIA
+        self.regular = Nodal(self.c)
+        self.singular = Nodal(np.concatenate([[0.0], np.sqrt(self.c)]))
+        self.integral = self.regular.integrals(self.c)  # (stage, node)
+        root = np.sqrt(self.c)
+        self.slope = self.singular.slopes(root)[:, 1:] / (2.0 * root[:, None])  # d/dθ at the nodes, of y − y_n
+        ends = np.concatenate([[0.0], root])  # between the nodes, where the defect of a singular step is looked at
+        self.between = 0.5 * (ends[1:] + ends[:-1])
+        self.width = np.diff(ends)
+
+
+@lru_cache(maxsize=32)
+def stages_of(count: int) -> Stages:
+    """The nodes and bases, made once."""
+    return Stages(count)
+
+
+@lru_cache(maxsize=512)
+def local_history(count: int, kernel: Kernel) -> tuple[Floats, Floats]:
+    """History at the nodes of what happens inside a unit step: (regular, singular), each (stage, node).
+
+    Regular: ∫_0^c K(c − θ) L_j(θ) dθ. Singular: ∫_0^c K(c − θ) dℓ_j(√θ), split at c/8 from the kernel's singularity.
+    """
+    stages = stages_of(count)
+    regular = np.empty((count, count))
+    for i, c in enumerate(stages.c):
+        nodes, weights = kernel.rule(0.0, c)
+        regular[i] = weights @ stages.regular.values(c * (1.0 - nodes))
+    return regular, singular_history(stages, kernel, stages.c)
+
+
+def singular_history(stages: Stages, kernel: Kernel, places: Floats) -> Floats:
+    """∫_0^c K(c − θ) dℓ_j(√θ) at c in `places`: (place, node)."""
+    result = np.empty((len(places), stages.singular.degree))
+    x, w = gauss_legendre(QUADRATURE)
+    for i, c in enumerate(places):
+        near = c / 8.0
+        nodes, weights = kernel.rule(0.0, near)
+        sigma = np.sqrt(c - near * nodes)
+        result[i] = weights @ (stages.singular.slopes(sigma) / (2.0 * sigma[:, None]))[:, 1:]
+        far = math.sqrt(c - near)
+        sigma = far * x
+        result[i] += (far * w * kernel._values(c - sigma**2)) @ stages.singular.slopes(sigma)[:, 1:]
+    return result
+
+
+@lru_cache(maxsize=512)
+def history_between(count: int, kernel: Kernel) -> Floats:
+    """`singular_history` halfway between the nodes."""
+    stages = stages_of(count)
+    return singular_history(stages, kernel, stages.between**2)
+
+
+def moments(stages: Stages, rates: Floats, h: float, theta: float, singular: bool) -> Floats:
+    """∫ e^(−λ(θh − s)) dy(s) over [0, θh] for each term and node: (term, node), node values of y' or of y − y_n.
+
+    Fast terms see only the end of the interval: its last 40 decay times are integrated there.
+    """
+    x, w = gauss_legendre(QUADRATURE)
+    z = rates * h * theta
+    share = np.minimum(1.0, DECAYED / z)[:, None]  # of θ
+    if singular:  # in σ, from where the decay begins to matter
+        low = np.sqrt(np.maximum(0.0, 1.0 - share))
+        width = share / (1.0 + low)  # 1 − low without cancellation
+        position = 1.0 - width * x  # σ/√θ
+        factor = width * w * math.sqrt(theta) * np.exp(-z[:, None] * (1.0 - position) * (1.0 + position))
+        basis = stages.singular.slopes(position * math.sqrt(theta))[..., 1:]
+    else:
+        position = 1.0 - share * x
+        factor = share * w * h * theta * np.exp(-z[:, None] * share * x)
+        basis = stages.regular.values(position * theta)
+    return np.asarray(np.einsum("tq,tqj->tj", factor, basis))
+
+
+@lru_cache(maxsize=512)
+def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, singular: bool) -> tuple[Floats, ...]:
+    """What the loop needs for one step size: past, decay, moments, local; for a singular step also kernel, between_…."""
+    stages, scaled, root = stages_of(count), kernel.scaled(h), math.sqrt(h)
+    past = tail.weights * np.exp(-np.outer(stages.c * h, tail.rates))
+    decay, gained = np.exp(-tail.rates * h), moments(stages, tail.rates, h, 1.0, singular)
+    if not singular:
+        return past, decay, gained.T, root * local_history(count, scaled)[0]
+    places = stages.between**2
+    between = tail.weights * np.exp(-np.outer(places * h, tail.rates))
+    values = kernel._values(stages.c * h), kernel._values(places * h)
+    return past, decay, gained.T, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
+
+
+@lru_cache(maxsize=32)
+def nodes_of(count: int) -> stepper.Nodes:
+    """Nodes and bases for compiled code."""
+    found = stages_of(count)
+    between, regular, singular = found.between, found.regular, found.singular
+    bases = (singular.values(between)[:, 1:], singular.slopes(between)[:, 1:], regular.values(np.zeros(1))[0])
+    arrays = (found.c, found.slope, found.integral, regular.coefficients, singular.coefficients[:, 1:], between, found.width, *bases, regular._integrals)
+    return stepper.Nodes(*(np.ascontiguousarray(array) for array in arrays))
+
+
+class StepTables:
+    """The tables of all step sizes span·2^(−rung/8) down to `floor`, for one sum of exponentials; made as they are asked for, never changed."""
+
+    def __init__(self, count: int, tail: ExponentialSum | None, kernel: Kernel, floor: float, span: float) -> None:
+        self.count, self.tail, self.kernel, self.floor, self.span = count, tail, kernel, floor, span
+        self.nodes = nodes_of(count)
+        self.tables = self._empty(math.ceil(stepper.LADDER * math.log2(span / floor)) + 1)
+
+    def _empty(self, rungs: int) -> stepper.Tables:
+        count, terms = self.count, len(self.tail) if self.tail else 0
+        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, count, terms), (2, count, count), (count,)]
+        shapes += [(count, terms), (count, count), (count,)]
+        return stepper.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
+
+    def odd(self) -> stepper.Tables:
+        """Room for one step size that is on no rung: whoever marches needs his own."""
+        return self._empty(1)
+
+    def fill(self, odd: stepper.Tables, numbers: Floats) -> None:
+        """Make the tables that the stepper asks for; on a rung whoever does so finds the same."""
+        h, slot, kind = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
+        tables = odd if slot < 0 else self.tables
+        slot = max(0, slot)
+        if self.tail is not None:
+            past, decay, gained, local, *singular = step_tables(self.count, self.tail, self.kernel, h, bool(kind))
+            tables.past[slot, kind], tables.decay[slot], tables.moments[slot, kind], tables.local[slot, kind] = past, decay, gained, local
+            if kind:
+                tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
+        if tables is odd:
+            tables.sizes[slot] = 0.0  # of the other kind there is a part of another size
+        tables.sizes[slot, kind] = h
+
+
+@lru_cache(maxsize=16)
+def tables_of(count: int, tail: ExponentialSum | None, kernel: Kernel, floor: float, span: float) -> StepTables:
+    """Tables, made once for all who march with them."""
+    return StepTables(count, tail, kernel, floor, span)
+
+
+@lru_cache(maxsize=16)
+def local_shortfall(stages: int, c1: float) -> Floats:
+    """What the local history of a unit step of a finite-Reynolds kernel lacks to Basset's: (places, grid, stage, node)."""
+    result = np.zeros((3, LOCAL_POINTS, stages, stages))
+    basset = (*local_history(stages, BassetKernel()), history_between(stages, BassetKernel()))
+    for g, clock in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
+        slip = 0.75 * (2.0 * clock**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
+        kernel = MeiAdrianKernel(slip, 1.0, 1.0, c1, 0.0)
+        result[:, g] = np.array(basset) - np.array((*local_history(stages, kernel), history_between(stages, kernel)))
+    return result
+
+
+def following(
+    count: int, tail: ExponentialSum, constants: tuple[float, float], reynolds: float, scale: float, slips: tuple[float, float], horizon: float
+) -> Any:
+    """A kernel of the slip at t for the stepper; `tail` is Basset's, `constants` are c1 and c2, for the rest see `stepper.Following`."""
+    table, (c1, c2) = slip_table(tail, constants[0], horizon), constants
+    values = np.array(table.values)
+    local = local_shortfall(count, c1)
+    return stepper.Following(
+        c1, c2, reynolds, scale, *slips, np.array(table.log_rates), table.low, table.inverse_step, values, local, LOCAL_LOW, 1.0 / LOCAL_STEP
+    )
+
+
+STAYS = stepper.Following(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(0), 0.0, 0.0, np.zeros((0, 0, 8)), np.zeros((3, 0, 0, 0)), 0.0, 0.0)  # follows no slip

@@ -1,0 +1,1140 @@
+"""One step of graded collocation: chosen, solved, judged, taken or cut; and the march from step to step. Compiled once for all equations.
+
+Whatever steps with memory is made of these: `basset.solve`, and the flights of the simulator. What differs comes as C functions
+(`basset._compile.entry`): `fun`; how the stages are solved, by Newton's full matrix or by a diagonal Jacobian, which handles stiff
+drag at a fraction of the price; and what happens on a step, events or impacts, which cut it. The march comes back to its caller
+when a table for a new step size is missing, when its record is full, when it cannot go on, and at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basset._compile import call, compiled, entry, separate, shared
+from basset._stream import dot
+from basset.kernels import Floats
+from basset.solvers import events
+from basset.solvers.events import all_at
+from basset.spectrum import ratio_at
+
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
+LADDER = 8  # step sizes per octave: tables are kept by rung
+
+# places in State.numbers
+TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT, SMOOTH, REFUSED, TRIED, SCALE, BEFORE, GUESSED = range(18)
+NUMBERS = 18
+FULLY, DIAGONALLY = 10, 30  # iterations at most
+SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian
+
+
+class Equation(NamedTuple):
+    """y' = fun(t, y) without history, to be called with what is its own; components at rest.
+
+    For a diagonal Jacobian: the first `moved` components damp nothing, on the first `idle` nothing depends, the others are alike by so many;
+    those that remember lie side by side.
+    """
+
+    fun: Any
+    own: Floats
+    held: Any
+    moved: int = 0
+    idle: int = 0
+    alike: int = 1
+
+
+class Following(NamedTuple):
+    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: a kernel that stays.
+
+    C = ½√π (U/f)³ scale^(3/2), f = 0.75 + c2 U reynolds, U being the slip between `least` and `most`. `local` is what the local history of a unit
+    step falls short of Basset's, on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular
+    and of a singular step, halfway between those of a singular one.
+    """
+
+    c1: float
+    c2: float
+    reynolds: float
+    scale: float
+    least: float
+    most: float
+    log_rates: Floats
+    low: float
+    inverse_step: float
+    values: Floats
+    local: Floats
+    local_low: float
+    local_inverse: float
+
+
+class Problem(NamedTuple):
+    """What does not change up to `end`: times in s, steps in s, tolerances, memory components and their coefficients.
+
+    `fun` is asked at times within [first, last] only: on this side of what breaks it.
+    """
+
+    end: float
+    span: float
+    limit: float
+    floor: float
+    rtol: float
+    atol: float
+    max_steps: int
+    where: Any
+    strength: Floats
+    first: float = -math.inf
+    last: float = math.inf
+    care: float = 1.0  # times the error of a singular step
+
+
+class Nodes(NamedTuple):
+    """Matrices of the stages, (stage, node), see `collocation.Stages`."""
+
+    c: Floats
+    slope: Floats
+    integral: Floats
+    regular: Floats
+    singular: Floats
+    between: Floats
+    width: Floats
+    between_values: Floats
+    between_slopes: Floats
+    at_start: Floats
+    rise: Floats  # integrals of the regular basis, in Legendre coefficients
+
+
+class Tables(NamedTuple):
+    """By rung of the ladder and kind (0 regular, 1 singular)."""
+
+    sizes: Floats  # (rung, kind): the step size it was made for, 0 for none
+    past: Floats  # (rung, kind, stage, term)
+    decay: Floats  # (rung, term)
+    moments: Floats  # (rung, kind, node, term)
+    local: Floats  # (rung, kind, stage, node)
+    kernel: Floats  # (rung, stage)
+    between_past: Floats  # (rung, place, term)
+    between_local: Floats  # (rung, place, node)
+    between_kernel: Floats  # (rung, place)
+
+
+class State(NamedTuple):
+    """What changes: states and their rates at the end of the step before (n,), exponentials (memory, terms), newest jump
+    (memory,), Jacobian (n, n) or its diagonal (1, n), and numbers.
+    """
+
+    y: Floats
+    rate: Floats
+    past: Floats
+    jump: Floats
+    jacobian: Floats
+    numbers: Floats
+
+
+class Cut(NamedTuple):
+    """Rates of the exponentials, Gauss points and weights on [0, 1] and how many decay times count, for the moments of a cut step."""
+
+    rates: Floats
+    x: Floats
+    w: Floats
+    decayed: float
+    sums: Floats  # (stages + 1,), overwritten
+
+
+class Room(NamedTuple):
+    """Work space of a march: all overwritten, but what the next step is guessed from."""
+
+    signal: Floats  # (1, 2)
+    times: Floats  # (stage,)
+    states: Floats  # (stage, state)
+    rates: Floats  # (stage, state)
+    force: Floats  # (stage, state)
+    lead: Floats  # (stage, stage)
+    carry: Floats  # (stage, stage)
+    matrix: Floats  # (stage·state, stage·state); of one state where the Jacobian is diagonal
+    order: Any  # (stage·state,)
+    residual: Floats  # (stage·state,)
+    inverse: Floats  # (state, stage, stage) where the Jacobian is diagonal
+    here_times: Floats  # (state + 1,)
+    here: Floats  # (state + 1, state)
+    out: Floats  # (state + 1, state)
+    polynomial: Floats  # (degree + 1, state)
+    guess: Floats  # (degree, state): Legendre coefficients of the rates in the step before
+    before: Floats  # (state,)
+    after: Floats
+    still: Floats
+
+
+class Parts(NamedTuple):
+    """All that a step is found from and taken with."""
+
+    equation: Equation
+    problem: Problem
+    nodes: Nodes
+    tables: Tables
+    odd: Tables  # of the size that is on no rung
+    state: State
+    values: Floats  # (stage, state): node values of the step that was found
+    following: Following
+    cut: Cut
+    room: Room
+
+
+class Record(NamedTuple):
+    """Accepted steps: start, size, kind, the share that was taken, state at the start, node values; whether a jump followed, and
+    the states before and after it.
+    """
+
+    start: Floats
+    size: Floats
+    kind: Floats
+    share: Floats
+    y: Floats
+    values: Floats
+    leapt: Floats
+    before: Floats
+    after: Floats
+
+
+@separate
+def factor(matrix, order):
+    """LU factors of a square matrix with row exchanges, in place (Golub & Van Loan 2013, algorithm 3.4.1)."""
+    size = len(order)
+    for i in range(size):
+        best = i
+        for k in range(i + 1, size):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        order[i] = best
+        if best != i:
+            for k in range(size):
+                matrix[i, k], matrix[best, k] = matrix[best, k], matrix[i, k]
+        scale = 1.0 / matrix[i, i]
+        for row in range(i + 1, size):
+            share = matrix[row, i] * scale
+            matrix[row, i] = share
+            if share != 0.0:
+                for k in range(i + 1, size):
+                    matrix[row, k] -= share * matrix[i, k]
+
+
+@separate
+def substitute(matrix, order, vector):
+    """The solution for a right-hand side, in place, from the factors."""
+    size = len(order)
+    for i in range(size):
+        vector[i], vector[order[i]] = vector[order[i]], vector[i]
+    for i in range(size):
+        total = vector[i]
+        for k in range(i):
+            total -= matrix[i, k] * vector[k]
+        vector[i] = total
+    for i in range(size - 1, -1, -1):
+        total = vector[i]
+        for k in range(i + 1, size):
+            total -= matrix[i, k] * vector[k]
+        vector[i] = total / matrix[i, i]
+
+
+@separate
+def assemble(p, h, slot, kind):
+    """Newton's matrix, factored, the maps from the unknowns to y' and to y − y_n, and c·(memory before the step), into the room."""
+    problem, nodes, local, state, room = p.problem, p.nodes, chosen(p).local, p.state, p.room
+    count, n, m = len(nodes.c), len(state.y), len(problem.where)
+    lead, carry, matrix, jacobian = room.lead, room.carry, room.matrix, state.jacobian
+    for i in range(count):
+        for k in range(count):
+            if kind == 1:
+                carry[i, k] = 1.0 if i == k else 0.0
+                lead[i, k] = nodes.slope[i, k] / h
+            else:
+                lead[i, k] = 1.0 if i == k else 0.0
+                carry[i, k] = h * nodes.integral[i, k]
+    for i in range(count):
+        for k in range(count):
+            for a in range(n):
+                for b in range(n):
+                    matrix[i * n + a, k * n + b] = -carry[i, k] * jacobian[a, b]
+                matrix[i * n + a, k * n + a] += lead[i, k]
+            for a in range(m):
+                place = problem.where[a]
+                matrix[i * n + place, k * n + place] += problem.strength[a] * local[slot, kind, i, k]
+    factor(matrix, room.order)
+    memory_before(p, slot, kind)
+
+
+@separate
+def memory_before(p, slot, kind):
+    """c·(memory of all that came before the step) at the stages, into the room's force."""
+    problem, tables, state, force = p.problem, chosen(p), p.state, p.room.force
+    past, jump, before, kernel = state.past, state.jump, tables.past, tables.kernel
+    for i in range(len(force)):
+        for a in range(len(state.y)):
+            force[i, a] = 0.0
+        for a in range(len(problem.where)):
+            memory = dot(before[slot, kind, i], 0, past[a], 0, past.shape[1])
+            if kind == 1:
+                memory += kernel[slot, i] * jump[a]
+            force[i, problem.where[a]] = problem.strength[a] * memory
+
+
+@shared
+def correct(p, local, unknown):
+    """One Newton correction of `unknown` and the states, in place: (its size, rounding) over the tolerance."""
+    problem, state, room = p.problem, p.state, p.room
+    states, rates, residual, lead, carry, force = room.states, room.rates, room.residual, room.lead, room.carry, room.force
+    count, n = states.shape
+    for i in range(count):
+        for a in range(n):
+            total = force[i, a] - rates[i, a]
+            for k in range(count):
+                total += lead[i, k] * unknown[k, a]
+            residual[i * n + a] = total
+        for a in range(len(problem.where)):
+            place, total = problem.where[a], 0.0
+            for k in range(count):
+                total += local[i, k] * unknown[k, place]
+            residual[i * n + place] += problem.strength[a] * total
+    substitute(room.matrix, room.order, residual)
+    for i in range(count):
+        for a in range(n):
+            unknown[i, a] -= residual[i * n + a]
+    size, floor = 0.0, 0.0
+    for i in range(count):
+        for a in range(n):
+            value = state.y[a]
+            for k in range(count):
+                value += carry[i, k] * unknown[k, a]
+            scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(value))
+            change = abs(value - states[i, a]) / scale
+            if not change <= size:  # also for NaN
+                size = change
+            floor = max(floor, 4e-16 * abs(value) / scale)
+            states[i, a] = value
+    return size, floor
+
+
+@separate
+def decay_error(p) -> float:
+    """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
+    problem, nodes, state, values, h = p.problem, p.nodes, p.state, p.values, p.state.numbers[STEP]
+    count, n = values.shape
+    worst, atol, rtol = 0.0, problem.atol, problem.rtol
+    y, rate, regular, weights, at_start = state.y, state.rate, nodes.regular, nodes.integral[count - 1], nodes.at_start
+    smooth, first = state.numbers[SMOOTH] == 1.0, nodes.c[0]
+    for a in range(n):
+        end, oldest, older, before, last = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(count):
+            end += weights[i] * values[i, a]
+            coefficient = 0.0
+            for k in range(count):
+                coefficient += regular[i, k] * values[k, a]
+            oldest, older, before, last = older, before, last, h * abs(coefficient)
+        end = y[a] + h * end
+        # parity may hide one coefficient: from three stages on compare pairs
+        decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
+        tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
+        if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
+            kink = -rate[a]
+            for k in range(count):
+                kink += at_start[k] * values[k, a]
+            tail = max(tail, h * first * abs(kink))
+        error = tail / (atol + rtol * max(abs(y[a]), abs(end)))
+        if not error <= worst:
+            worst = error
+    return worst
+
+
+@separate
+def defect_error(p) -> float:
+    """∫ |y' − fun + c·H| over a singular step, over the tolerance, at places halfway between its nodes in σ, where it is largest; negative where
+    fun is not finite.
+    """
+    problem, nodes, tables, state, values, room, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.room, p.state.numbers
+    count, n = values.shape
+    h, slot = numbers[STEP], max(0, int(numbers[SLOT]))
+    where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
+    kernel, local, before, slopes, y = tables.between_kernel[slot], tables.between_local[slot], tables.between_past[slot], nodes.between_slopes, state.y
+    basis, states, rates = nodes.between_values, room.states, room.rates
+    for i in range(count):
+        room.times[i] = numbers[TIME] + h * places[i] ** 2
+        for a in range(n):
+            states[i, a] = y[a]
+            for k in range(count):
+                states[i, a] += basis[i, k] * values[k, a]
+    if not evaluate(p, room.times, states, rates, count):
+        return -1.0
+    if len(p.following.values) > 0:
+        for i in range(count):
+            exceed(p, states, i, places[i] ** 2, 2, h, 1, before[i], rates)
+    for i in range(count):
+        for a in range(n):
+            slope = 0.0
+            for k in range(count):
+                slope += slopes[i, k] * values[k, a]
+            rates[i, a] = slope / (2.0 * h * places[i]) - rates[i, a]
+        for a in range(len(where)):
+            memory = kernel[i] * jump[a] + dot(before[i], 0, past[a], 0, past.shape[1])
+            for k in range(count):
+                memory += local[i, k] * values[k, where[a]]
+            rates[i, where[a]] += strength[a] * memory
+    worst = 0.0
+    for a in range(n):
+        total = 0.0
+        for i in range(count):
+            total += 2.0 * h * places[i] * width[i] * abs(rates[i, a])
+        error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
+        if not error <= worst:
+            worst = error
+    return worst * problem.care
+
+
+@shared
+def chosen(p) -> Tables:
+    """The tables of the step's size, at place max(0, slot)."""
+    return p.tables if p.state.numbers[SLOT] >= 0.0 else p.odd
+
+
+@shared
+def choose(p) -> int:
+    """Fix the size and table slot of the next step, −1 where it is on no rung: ACCEPTED, or END, TABLE, TOO_SMALL."""
+    numbers, problem, rungs, kind = p.state.numbers, p.problem, len(p.tables.sizes), int(p.state.numbers[SINGULAR])
+    left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
+    if left <= 0.0:
+        return END
+    slot = -1
+    if h >= left * (1.0 - 1e-12):
+        h = left
+    else:
+        slot = max(0, math.ceil(LADDER * math.log2(problem.span / h) - 1e-9))
+        h = problem.span * 2.0 ** (-slot / LADDER)
+        if slot < rungs and p.tables.sizes[slot, kind] > 0.0:
+            h = p.tables.sizes[slot, kind]  # to the last bit, whatever powers are made of
+        if h > left:
+            h, slot = left, -1
+        if 0.0 < left - h < 0.05 * h:  # no sliver at the end
+            h, slot = (left if left <= problem.limit else 0.5 * left), -1
+    if (h < problem.floor and left > problem.floor) or slot >= rungs:
+        return TOO_SMALL
+    numbers[STEP], numbers[SLOT] = h, slot
+    return ACCEPTED if chosen(p).sizes[max(0, slot), kind] == h else TABLE
+
+
+@shared
+def next_step(problem, numbers, h, count):
+    """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
+    size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
+    since = numbers[TIME] - numbers[JUMPED]
+    return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
+
+
+@shared
+def keep(p, record: Record, done: int, share: float) -> None:
+    """Record the step that was found, of which that share is taken; before it is taken."""
+    numbers, values, y = p.state.numbers, p.values, p.state.y
+    record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], numbers[STEP], numbers[SINGULAR], share
+    record.leapt[done] = 0.0
+    start, nodal = record.y, record.values  # copied by hand: array assignment allocates
+    for a in range(len(y)):
+        start[done, a] = y[a]
+        for k in range(len(values)):
+            nodal[done, k, a] = values[k, a]
+
+
+@separate
+def accept(p) -> None:
+    """Take the step that was found: move state and memory, choose the next size."""
+    problem, nodes, tables, state, values, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.state.numbers
+    count, n = len(values), len(state.y)
+    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    where, memory, jumps, moments, decay = problem.where, state.past, state.jump, tables.moments, tables.decay[slot]
+    for a in range(len(where)):
+        past, jump, place = memory[a], 0.0, where[a]
+        if kind == 1:
+            jump, jumps[a] = jumps[a], 0.0
+        for q in range(len(past)):
+            past[q] = decay[q] * (past[q] + jump)
+        for k in range(count):
+            gained, value = moments[slot, kind, k], values[k, place]
+            for q in range(len(past)):
+                past[q] += gained[q] * value
+    y, rate, weights, slope = state.y, state.rate, nodes.integral[count - 1], nodes.slope[count - 1]
+    for a in range(n):
+        rate[a] = values[count - 1, a]
+        if kind == 1:
+            y[a] += values[count - 1, a]
+            rate[a] = 0.0
+            for k in range(count):
+                rate[a] += slope[k] * values[k, a] / h
+        else:
+            gain = 0.0
+            for k in range(count):
+                gain += weights[k] * values[k, a]
+            y[a] += h * gain
+    if kind == 1:
+        numbers[FIRST] = h
+    numbers[BEFORE], numbers[GUESSED] = (0.0 if kind == 1 else h), 0.0
+    numbers[TIME] += h
+    if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(numbers[TIME]):  # an end may be infinite
+        numbers[TIME] = problem.end
+    numbers[STEPS] += 1.0
+    numbers[STEP] = next_step(problem, numbers, h, count)
+    numbers[SINGULAR], numbers[SMOOTH] = 0.0, 1.0
+
+
+@shared
+def evaluate(p, times, states, rates, count):
+    """`fun` at every row of `states`, nothing for what is at rest; whether all is finite: if not, when and in which component is noted."""
+    equation, problem, numbers = p.equation, p.problem, p.state.numbers
+    numbers[CALLS] += count
+    for i in range(count):
+        time = min(max(times[i], problem.first), problem.last)
+        call(equation.fun, time, states, i, rates, i, equation.own)
+        for a in range(len(equation.held)):
+            if equation.held[a]:
+                rates[i, a] = 0.0
+        for a in range(len(p.state.y)):
+            if not math.isfinite(rates[i, a]):
+                numbers[WHERE], numbers[WHAT] = time, a
+                return False
+    return True
+
+
+@shared
+def evaluate_stages(p, h, slot, kind):
+    """The rates of all stages, the memory's excess over Basset's included where the kernel follows the slip; whether all is finite."""
+    room, nodes = p.room, p.nodes
+    count = len(nodes.c)
+    finite = evaluate(p, room.times, room.states, room.rates, count)
+    if finite and len(p.following.values) > 0:
+        for i in range(count):
+            exceed(p, room.states, i, nodes.c[i], kind, h, kind, chosen(p).past[slot, kind, i], room.rates)
+    return finite
+
+
+@separate
+def exceed(p, states, i: int, place: float, which: int, h: float, kind: int, past: Floats, rates: Floats) -> None:
+    """Take c·(H − Basset's H) at row i of `states` from row i of the rates, for a kernel that follows the slip.
+
+    `past` (terms,) are Basset's weights with their decay up to `place` of the step, `which` of three sets of places.
+    """
+    following, problem, state, values = p.following, p.problem, p.state, p.values
+    where, memory, jump, strength = problem.where, state.past, state.jump, problem.strength
+    members, count = len(where), len(values)
+    clock = clock_of(following, where, states, i)
+    if clock == -math.inf:
+        return  # Basset's kernel
+    log_rates, tables, local, rows = following.log_rates, following.values, following.local, following.values.shape[0]
+    for q in range(len(log_rates)):
+        share = past[q] * (ratio_at(following.low, following.inverse_step, tables, min(q, rows - 1), log_rates[q] - clock) - 1.0)
+        for a in range(members):
+            rates[i, where[a]] -= strength[a] * share * memory[a, q]
+    if kind == 1:
+        lag = place * h
+        share = ((1.0 + math.exp(1.5 / following.c1 * (clock + math.log(lag)))) ** -following.c1 - 1.0) / math.sqrt(lag)
+        for a in range(members):
+            rates[i, where[a]] -= strength[a] * share * jump[a]
+    position = (clock + math.log(h) - following.local_low) * following.local_inverse
+    if position <= 2.0:
+        return  # Basset's within 1e-9
+    cell = min(int(position), local.shape[1] - 4)
+    x = min(position - cell, 1.0)
+    unit = 1.0 / math.sqrt(h) if kind == 1 else math.sqrt(h)
+    for m in range(-2, 4):  # Lagrange through six points
+        weight = unit
+        for other in range(-2, 4):
+            if other != m:
+                weight *= (x - other) / (m - other)
+        for k in range(count):
+            part = weight * local[which, cell + m, i, k]
+            for a in range(members):
+                rates[i, where[a]] += strength[a] * part * values[k, where[a]]
+
+
+@shared
+def clock_of(following: Following, where: Any, states: Floats, i: int) -> float:
+    """Ln C^(2/3) at row i of `states`; −∞ for C = 0."""
+    speed = 0.0
+    for a in range(len(where)):
+        speed += states[i, where[a]] ** 2
+    speed = min(max(math.sqrt(speed), following.least), following.most)
+    if speed == 0.0:
+        return -math.inf
+    clock = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(following.scale)
+    return clock + 2.0 * math.log(speed / (0.75 + following.c2 * speed * following.reynolds))
+
+
+@shared
+def steepest(p):
+    """The largest |rates − force| over the tolerance."""
+    problem, y, force, rates = p.problem, p.state.y, p.room.force, p.room.rates
+    worst = 0.0
+    for i in range(len(rates)):
+        for a in range(len(y)):
+            worst = max(worst, abs(rates[i, a] - force[i, a]) / (problem.atol + problem.rtol * abs(y[a]) + 1e-300))
+    return worst
+
+
+@shared
+def newton(p):
+    """Solve the stages: iterations, negative if it failed, 0 if fun was not finite."""
+    numbers, values, room, y = p.state.numbers, p.values, p.room, p.state.y
+    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    count, n = values.shape
+    assemble(p, h, slot, kind)
+    for i in range(count):
+        room.times[i] = numbers[TIME] + p.nodes.c[i] * h
+        for a in range(n):
+            room.states[i, a], values[i, a] = y[a], 0.0
+    previous = math.inf
+    follows = len(p.following.values) > 0  # which the matrix does not know
+    for iteration in range(1, DIAGONALLY + 1 if follows else FULLY + 1):
+        if not evaluate_stages(p, h, slot, kind):
+            return 0
+        size, floor = correct(p, chosen(p).local[slot, kind], values)
+        if not math.isfinite(size):
+            return -iteration
+        if size <= max(1e-3, floor):
+            if iteration == 1 and size > floor and h * steepest(p) > 1.0:
+                previous = size  # small, though y' is not: is that so, or is the Jacobian of another place?
+                continue
+            if iteration == 2 and size > max(0.5 * previous, 10.0 * floor):
+                return -iteration
+            return iteration
+        if iteration > 2 and size > 0.9 * previous:
+            return iteration if size <= max(0.1, 10.0 * floor) else -iteration  # stalled: rounding, well below the tolerance
+        previous = size
+    return -FULLY
+
+
+@separate
+def differentiate(p):
+    """∂fun/∂y by forward differences at the step's start; whether it is finite."""
+    problem, state, room = p.problem, p.state, p.room
+    n, times, states, rates, jacobian = len(state.y), room.here_times, room.here, room.out, state.jacobian
+    for j in range(n + 1):
+        times[j] = state.numbers[TIME]
+        for a in range(n):
+            states[j, a] = state.y[a]
+    for j in range(n):
+        states[j + 1, j] += 1.5e-8 * max(abs(state.y[j]), problem.atol + problem.rtol, 1e-8)
+    if not evaluate(p, times, states, rates, n + 1):
+        return False
+    for j in range(n):
+        for a in range(n):
+            jacobian[a, j] = (rates[j + 1, a] - rates[0, a]) / (states[j + 1, j] - state.y[j])
+    return True
+
+
+def solved_fully(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
+    """Into out[0]: iterations in which Newton's full matrix solved the stages, negative if it failed, 0 if fun was not finite; t = 1: with a new Jacobian."""
+    if t == 1.0 and not differentiate(p):
+        out[0] = 0.0
+        return
+    iterations = newton(p)
+    if abs(iterations) > 4:
+        p.state.numbers[KNOWN] = 0.0  # of another place by now
+    out[0] = iterations
+
+
+fully_entry = entry(solved_fully, "some 3 s")
+
+
+@shared
+def invert(matrix: Floats, result: Floats) -> None:
+    """The inverse of a small matrix into `result`, by Gauss–Jordan with row exchanges; `matrix` is used up."""
+    n = len(matrix)
+    for i in range(n):
+        for k in range(n):
+            result[i, k] = 1.0 if i == k else 0.0
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        if best != i:
+            for k in range(n):
+                matrix[i, k], matrix[best, k] = matrix[best, k], matrix[i, k]
+                result[i, k], result[best, k] = result[best, k], result[i, k]
+        scale = 1.0 / matrix[i, i]
+        for k in range(n):
+            matrix[i, k] *= scale
+            result[i, k] *= scale
+        for row in range(n):
+            if row != i:
+                share = matrix[row, i]
+                for k in range(n):
+                    matrix[row, k] -= share * matrix[i, k]
+                    result[row, k] -= share * result[i, k]
+
+
+@shared
+def differentiate_diagonally(p):
+    """The diagonal of the Jacobian by forward differences at the step's start, the same for those that are alike: one inverse for each kind."""
+    room, state, equation = p.room, p.state, p.equation
+    here, out, y, diagonal, time = room.here, room.out, state.y, state.jacobian[0], state.numbers[TIME]
+    for a in range(len(y)):
+        here[0, a] = here[1, a] = y[a]
+    call(equation.fun, time, here, 0, out, 0, equation.own)
+    for a in range(equation.moved, len(y)):
+        here[1, a] = y[a] + 1.5e-8 * max(abs(y[a]), 1e-3)
+        call(equation.fun, time, here, 1, out, 1, equation.own)
+        diagonal[a] = min(0.0, (out[1, a] - out[0, a]) / (here[1, a] - y[a]))
+        here[1, a] = y[a]
+    for low in range(equation.moved, len(y), equation.alike):
+        high = min(low + equation.alike, len(y))
+        mean = 0.0
+        for a in range(low, high):
+            mean += diagonal[a] / (high - low)
+        for a in range(low, high):
+            diagonal[a] = mean
+
+
+@shared
+def predict(p, h: float, kind: int) -> None:
+    """A first guess of the unknowns."""
+    numbers, c, y, values, room, state, equation = p.state.numbers, p.nodes.c, p.state.y, p.values, p.room, p.state, p.equation
+    problem, guess = p.problem, room.guess
+    count, n = values.shape
+    if numbers[SMOOTH] == 1.0 and numbers[BEFORE] > 0.0:  # the polynomial of the step before, carried on
+        ratio = h / numbers[BEFORE]
+        for i in range(count):
+            x = 1.0 + 2.0 * c[i] * ratio
+            for a in range(n):
+                values[i, a] = guess[0, a] + guess[1, a] * x
+            older, newer = 1.0, x
+            for d in range(2, count):
+                older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                for a in range(n):
+                    values[i, a] += newer * guess[d, a]
+        return
+    if numbers[SMOOTH] == 1.0:
+        for i in range(count):
+            for a in range(n):
+                values[i, a] = state.rate[a]
+        return
+    here, out = room.here, room.out
+    for a in range(n):
+        here[0, a] = y[a]
+    call(equation.fun, numbers[TIME], here, 0, out, 0, equation.own)
+    for i in range(count):
+        for a in range(n):
+            values[i, a] = c[i] * h * out[0, a] if kind == 1 else out[0, a]
+        if kind == 1:
+            for a in range(len(problem.where)):
+                values[i, problem.where[a]] -= 2.0 * problem.strength[a] * math.sqrt(c[i] * h) * state.jump[a]
+
+
+@shared
+def remember_rates(p) -> None:
+    """Keep the polynomial of the rates in the step before, whose node values are still in their place, for the next first guess."""
+    numbers, values, guess, regular = p.state.numbers, p.values, p.room.guess, p.nodes.regular
+    count, n = values.shape
+    if numbers[BEFORE] > 0.0 and numbers[GUESSED] == 0.0:
+        for d in range(count):
+            for a in range(n):
+                total = 0.0
+                for k in range(count):
+                    total += regular[d, k] * values[k, a]
+                guess[d, a] = total
+    numbers[GUESSED] = 1.0
+
+
+@shared
+def factorise(p, h: float, slot: int, kind: int, first: int) -> None:
+    """The inverse of each state's own stage matrix; states that nothing damps need none in a regular step."""
+    matrix, inverse, diagonal, strength = p.room.matrix, p.room.inverse, p.state.jacobian[0], p.problem.strength
+    local, slope, integral = chosen(p).local, p.nodes.slope, p.nodes.integral
+    n, count, members = len(diagonal), len(p.nodes.c), len(strength)
+    for a in range(n):
+        member = first <= a < first + members
+        if kind == 0 and not member and diagonal[a] == 0.0:
+            continue
+        if a > 0 and diagonal[a] == diagonal[a - 1] and a != first and a != first + members:  # as for the one before
+            for i in range(count):
+                for k in range(count):
+                    inverse[a, i, k] = inverse[a - 1, i, k]
+            continue
+        for i in range(count):
+            for k in range(count):
+                value = slope[i, k] / h if kind == 1 else -h * diagonal[a] * integral[i, k]
+                if member:
+                    value += strength[a - first] * local[slot, kind, i, k]
+                matrix[i, k] = value
+            matrix[i, i] += -diagonal[a] if kind == 1 else 1.0
+        invert(matrix, inverse[a])
+
+
+@shared
+def iterate(p) -> int:
+    """Solve the stages with the diagonal of the Jacobian: iterations, negative if it failed, 0 if fun was not finite."""
+    numbers, values, room, problem, equation = p.state.numbers, p.values, p.room, p.problem, p.equation
+    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    count, n = values.shape
+    members = len(problem.where)
+    first = problem.where[0] if members > 0 else n
+    memory_before(p, slot, kind)
+    factorise(p, h, slot, kind, first)
+    predict(p, h, kind)
+    inverse, diagonal, force, y = room.inverse, p.state.jacobian[0], room.force, p.state.y
+    states, rates, right, integral = room.states, room.rates, room.residual, p.nodes.integral
+    atol, rtol = numbers[SCALE] * problem.atol, numbers[SCALE] * problem.rtol
+    idle = equation.idle if kind == 0 else 0  # they move nothing: they are integrated at the end
+    for i in range(count):
+        room.times[i] = numbers[TIME] + p.nodes.c[i] * h
+    previous = math.inf
+    for iteration in range(DIAGONALLY):
+        size, floor = 0.0, 0.0
+        for a in range(idle, n):
+            member = first <= a < first + members
+            if iteration > 0:
+                if kind == 0 and not member and diagonal[a] == 0.0:
+                    for i in range(count):
+                        values[i, a] = rates[i, a]
+                else:  # M v = F − c·past − J (Y − y_n), the part of F that J stands for being implicit
+                    for i in range(count):
+                        right[i] = rates[i, a] - diagonal[a] * (states[i, a] - y[a])
+                        if member:
+                            right[i] -= force[i, a]
+                    for i in range(count):
+                        total = 0.0
+                        for k in range(count):
+                            total += inverse[a, i, k] * right[k]
+                        values[i, a] = total
+            for i in range(count):
+                value = y[a]
+                if kind == 1:
+                    value += values[i, a]
+                else:
+                    total = 0.0
+                    for k in range(count):
+                        total += integral[i, k] * values[k, a]
+                    value += h * total
+                if iteration > 0:
+                    scale = atol + rtol * (abs(y[a]) + abs(value))
+                    change = abs(value - states[i, a]) / scale
+                    if not change <= size:  # also for NaN
+                        size = change
+                    floor = max(floor, 4e-16 * abs(value) / scale)
+                states[i, a] = value
+        if iteration > 0:
+            if not math.isfinite(size):
+                return -iteration
+            if size <= max(SETTLED, floor) or (iteration > 4 and 0.9 * previous < size <= max(0.1, 10.0 * floor)):
+                for i in range(count):
+                    for a in range(idle):
+                        values[i, a] = rates[i, a]
+                return iteration
+            if iteration > 4 and size > 0.9 * previous:
+                return -iteration
+            previous = size
+        if not evaluate_stages(p, h, slot, kind):
+            return -max(1, iteration)
+    return -DIAGONALLY
+
+
+def solved_diagonally(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
+    """As `solved_fully`, with the diagonal of the Jacobian; fun that is not finite is a failure of the iteration."""
+    if t == 1.0:
+        differentiate_diagonally(p)
+    remember_rates(p)
+    iterations = iterate(p)
+    if abs(iterations) > 8:
+        p.state.numbers[KNOWN] = 0.0
+    out[0] = iterations
+
+
+diagonally_entry = entry(solved_diagonally, "some 3 s")
+
+
+@shared
+def judge(problem: Problem, state: State, error: float, power: float) -> int:
+    """ACCEPTED or TOO_MANY; AGAIN after setting the next step to try, for an error that falls as step^power."""
+    numbers = state.numbers
+    if error <= 1.0:
+        if numbers[STEPS] >= problem.max_steps:
+            return TOO_MANY
+        numbers[ERROR] = error
+        return ACCEPTED
+    h = numbers[STEP]
+    numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+    return AGAIN
+
+
+@shared
+def attempt(p, solve) -> int:
+    """Find the next step that keeps the tolerance, its stages solved by `solve`: node values into p.values, its size in numbers[STEP]; ACCEPTED or
+    why not.
+    """
+    numbers, count, signal = p.state.numbers, len(p.nodes.c), p.room.signal
+    while True:
+        code = choose(p)
+        if code != ACCEPTED:
+            return code
+        iterations = -1
+        for trial in range(2):
+            fresh = 1.0 if numbers[KNOWN] == 0.0 or trial == 1 else 0.0
+            numbers[KNOWN] = 1.0
+            call(solve, fresh, signal, 0, signal, 0, signal)
+            iterations = int(signal[0, 0])
+            if iterations >= 0:
+                break
+        if iterations == 0:
+            return NOT_FINITE
+        h, error, power = numbers[STEP], math.inf, float(count)
+        if iterations > 0 and numbers[SINGULAR] == 1.0:
+            power = 0.5 * (count + 1)
+            error = defect_error(p) / numbers[SCALE]
+            if error < 0.0:
+                return NOT_FINITE
+        elif iterations > 0:
+            error = decay_error(p) / numbers[SCALE]
+        code = judge(p.problem, p.state, error, power)
+        if code != AGAIN:
+            numbers[REFUSED] *= 0.5
+            return code
+        if numbers[SINGULAR] == 0.0:
+            numbers[REFUSED] += 1.0
+            if numbers[REFUSED] > 1.7:  # the size that the error asked for did not do: is fun smooth?
+                numbers[REFUSED], numbers[TRIED] = 0.0, h
+                return SUSPECT
+
+
+class Attempt(NamedTuple):
+    """What a step is found from."""
+
+    parts: Parts
+    solve: Any
+
+
+def attempted(given: Attempt, t: float, y: Any, out: Any, own: Any) -> None:
+    """`attempt`, its code into out[0]."""
+    out[0] = attempt(given.parts, given.solve)
+
+
+attempt_entry = entry(attempted, "some 5 s")
+
+
+@shared
+def fit_polynomial(nodes: Nodes, kind: int, h: float, values: Floats, polynomial: Floats) -> None:
+    """Legendre coefficients of y(θ) − y_n, in θ for a regular step and in √θ for a singular one."""
+    count, n = values.shape
+    basis, scale = (nodes.singular, 1.0) if kind == 1 else (nodes.rise, h)
+    for d in range(count + 1):
+        for a in range(n):
+            total = 0.0
+            for k in range(count):
+                total += basis[d, k] * values[k, a]
+            polynomial[d, a] = scale * total
+
+
+@shared
+def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
+    """State a at θ."""
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
+    total: float = y[a] + polynomial[0, a] + polynomial[1, a] * x
+    older, newer = 1.0, x
+    for d in range(2, len(polynomial)):
+        older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+        total += polynomial[d, a] * newer
+    return total
+
+
+@separate
+def cut_memory(where: Any, nodes: Nodes, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
+    """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
+    count, members = len(nodes.c), len(where)
+    basis = nodes.singular if kind == 1 else nodes.regular
+    degrees = len(basis)
+    sums = cut.sums
+    rates, past, jump, nodes_x, nodes_w = cut.rates, state.past, state.jump, cut.x, cut.w
+    for q in range(len(rates)):
+        z = rates[q] * h * theta
+        share = min(1.0, cut.decayed / z) if z > 0.0 else 1.0
+        low = math.sqrt(max(0.0, 1.0 - share))
+        width = share / (1.0 + low) if kind == 1 else share
+        for d in range(degrees):
+            sums[d] = 0.0
+        for p in range(len(nodes_x)):
+            position = 1.0 - width * nodes_x[p]
+            if kind == 1:
+                factor = 2.0 * width * nodes_w[p] * math.sqrt(theta) * math.exp(-z * (1.0 - position) * (1.0 + position))
+                x = 2.0 * position * math.sqrt(theta) - 1.0
+                older, newer, slope = 1.0, x, 1.0  # P_0, P_1, P_1'
+                before = 0.0
+                sums[1] += factor
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    before, slope = slope, before + (2 * d - 1) * older  # P_d' = P_(d−2)' + (2d − 1) P_(d−1)
+                    sums[d] += factor * slope
+            else:
+                factor = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
+                x = 2.0 * position * theta - 1.0
+                older, newer = 1.0, x
+                sums[0] += factor
+                if degrees > 1:
+                    sums[1] += factor * x
+                for d in range(2, degrees):
+                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
+                    sums[d] += factor * newer
+        decay = math.exp(-z)
+        for a in range(members):
+            past[a, q] = decay * (past[a, q] + (jump[a] if kind == 1 else 0.0))
+        for k in range(count):
+            gained = 0.0
+            for d in range(degrees):
+                gained += sums[d] * basis[d, k]
+            for a in range(members):
+                past[a, q] += gained * values[k, where[a]]
+    if kind == 1:
+        for a in range(members):
+            state.jump[a] = 0.0
+
+
+@separate
+def cut_step(p, theta: float) -> None:
+    """Take the step that was found up to θ, its polynomial being in the room: state, memory and time."""
+    numbers, y, room, problem = p.state.numbers, p.state.y, p.room, p.problem
+    h, kind = numbers[STEP], int(numbers[SINGULAR])
+    all_at(room.polynomial, y, kind, theta, room.before)
+    if theta > 0.0:
+        cut_memory(problem.where, p.nodes, p.cut, p.state, h, theta, kind, p.values)
+    if kind == 1 and theta > 0.05:
+        numbers[FIRST] = h
+    for a in range(len(y)):
+        y[a] = room.before[a]
+    end = numbers[TIME] + h * theta
+    if theta == 1.0 and abs(problem.end - end) <= 1e-12 * h + 1e-15 * abs(problem.end):
+        end = problem.end
+    numbers[TIME] = end
+    numbers[STEPS] += 1.0
+    numbers[SMOOTH] = numbers[BEFORE] = 0.0
+
+
+@shared
+def restart(problem: Problem, numbers: Floats, size: float) -> None:
+    """Steps start small again, `size` at most, at a jump of the slip or of its rate."""
+    since = numbers[TIME] - numbers[JUMPED]
+    numbers[JUMPED] = numbers[TIME]
+    numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
+    numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN], numbers[BEFORE] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0, 0.0
+
+
+def cut(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
+    """`cut_step` at θ = t."""
+    cut_step(p, t)
+
+
+def accepted(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
+    """`accept`."""
+    accept(p)
+
+
+cut_entry, accept_entry = entry(cut), entry(accepted)
+
+
+@shared
+def to_event(m, found, p, record, done, theta):
+    """Take the step up to θ, where events happen, and start anew behind their jumps: PASSED, or why to stop."""
+    numbers, y, problem, state, room = p.state.numbers, p.state.y, p.problem, p.state, p.room
+    keep(p, record, done, theta)
+    cut_step(p, theta)
+    end = numbers[TIME]
+    events.copy(room.before, record.before[done])
+    leaps = False
+    for j in range(found.count[0]):
+        leaps = leaps or found.leaps[found.fired[j]]
+    status = events.fire(m, found, end, room.before, room.after, room.still, events.REST * problem.span)
+    record.leapt[done] = 1.0 if leaps else 0.0
+    if leaps:
+        for a in range(len(problem.where)):  # to what has not been felt yet, without a flight
+            state.jump[a] += room.after[problem.where[a]] - room.before[problem.where[a]]
+        for a in range(len(y)):
+            y[a] = record.after[done, a] = room.after[a]
+        restart(problem, numbers, numbers[FIRST])
+    return status
+
+
+class Watch(NamedTuple):
+    """What events on a step are found from."""
+
+    motion: Any
+    found: Any
+    parts: Parts
+    record: Record
+
+
+def watched(given: Watch, t: float, y: Any, out: Any, own: Any) -> None:
+    """Into out[0]: ACCEPTED for a step without an event that cuts it; else the step is taken up to there, as number t of the record: FULL, or why to
+    stop; out[1]: whether it was taken.
+    """
+    m, found, p = given.motion, given.found, given.parts
+    h, kind = p.state.numbers[STEP], int(p.state.numbers[SINGULAR])
+    fit_polynomial(p.nodes, kind, h, p.values, p.room.polynomial)
+    theta = events.first_crossing(m, found, events.Step(p.state.numbers[TIME], h, kind, p.state.y, p.room.polynomial), 1.0)
+    status = events.PASSED
+    out[0], out[1] = ACCEPTED, 0.0
+    if theta <= 1.0:
+        out[0], out[1] = FULL, 1.0
+        status = to_event(m, found, p, given.record, int(t), theta)
+    if found.trouble[0] != 0:
+        out[0], out[1] = TROUBLE, 0.0
+    elif status != events.PASSED:
+        out[0] = STOPPED if status == events.TERMINAL else LYING
+
+
+watch_entry = entry(watched, "some 10 s")
+
+
+def _make_march(digest: str) -> Callable[..., Any]:
+    def march(attempt, watch, watching, p, logged, most, record, recording):
+        """Take steps until something needs the caller; (code, steps recorded).
+
+        `watching`: something may cut them, by events of which no more than `most` may be logged before a step. Without `recording` the
+        record's first place is overwritten.
+        """
+        digest  # noqa: B018 - part of the cache key
+        done, signal = 0, p.room.signal
+        while done < len(record.start) and logged[0] <= most:
+            call(attempt, 0.0, signal, 0, signal, 0, signal)
+            code, taken = int(signal[0, 0]), False
+            if code == ACCEPTED and watching:
+                call(watch, float(done), signal, 0, signal, 0, signal)
+                code, taken = int(signal[0, 0]), signal[0, 1] == 1.0
+            if code == ACCEPTED:
+                keep(p, record, done, 1.0)
+                accept(p)
+                taken = True
+            if taken and recording:
+                done += 1
+            if code not in (ACCEPTED, FULL):
+                return code, done
+        return FULL, done
+
+    return march
+
+
+march = compiled(_make_march, allocates=False, usually="some 5 s")
+
+
+def room(stages: int, states: int, diagonal: bool = False) -> Room:
+    """Work space of one march."""
+    n = states
+    whole = stages if diagonal else stages * n
+    shapes: dict[str, tuple[int, ...]] = {
+        "signal": (1, 2), "times": (stages,), "states": (stages, n), "rates": (stages, n), "force": (stages, n), "lead": (stages, stages),
+        "carry": (stages, stages), "matrix": (whole, whole), "order": (whole,), "residual": (whole,), "inverse": (n if diagonal else 0, stages, stages),
+        "here_times": (n + 1,), "here": (n + 1, n), "out": (n + 1, n), "polynomial": (stages + 1, n), "guess": (stages, n), "before": (n,), "after": (n,),
+        "still": (n,),
+    }  # fmt: skip
+    return Room(**{name: np.zeros(shape, dtype=np.int64 if name == "order" else np.float64) for name, shape in shapes.items()})
+
+
+def start_numbers(start: float, step: float, singular: bool) -> Floats:
+    """The numbers of a state that sets out."""
+    numbers = np.zeros(NUMBERS)
+    numbers[TIME] = numbers[JUMPED] = start
+    numbers[STEP] = numbers[FIRST] = step
+    numbers[SINGULAR], numbers[SCALE] = float(singular), 1.0
+    return numbers
