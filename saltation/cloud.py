@@ -17,6 +17,7 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
+from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
 from saltation import encounters, flight
@@ -37,11 +38,11 @@ from saltation.cloud_result import (
     words_of,
 )
 from saltation.encounters import PILE_UP, UNTIL, empty_crowd
-from saltation.engine import DEFAULT_FIRST, Engine, Start, room
+from saltation.engine import DEFAULT_FIRST, NEVER, Engine, Grain, Start
 from saltation.flow import both
 from saltation.result import origin, packed, table_of, unpacked
 from saltation.scene import SceneError, scene_of
-from saltation.simulation import SLIDING, STATUS
+from saltation.simulation import SLIDING, STATUS, empty_record
 from saltation.workers import TURN
 
 SMALLEST_CELL = 2.0  # d
@@ -96,32 +97,26 @@ class Cloud:
             crowd.flight[i, flight.TOP] = position[2]
             crowd.flight[i, [flight.U, flight.V, flight.W]] = velocity
         crowd.jump[:] = crowd.y[:, d : d + members]
-        crowd.numbers[:, [stepper.STEP, stepper.FIRST]] = max(DEFAULT_FIRST, 2.0 * engine.problem.floor)
-        crowd.numbers[:, stepper.SINGULAR] = float(members > 0)
+        crowd.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        crowd.numbers[:, stepper.REFUSED] = NEVER
         crowd.spin[:, 3] = [flight.layer_of(engine.model, *up) for up in crowd.flight[:, [flight.Z, flight.W]].tolist()]
-        crowd.numbers[:, flight.SCALE] = 1.0
         self.world = self._world() if "encounters" in scene.names else None
         cells = self.world.along * self.world.across if self.world is not None else 0
         self.heads = np.full(cells, -1, dtype=np.int32)
-        self.parts = encounters.Parts(
-            engine.model,
-            engine.bed_of(self.grains.start),
-            engine.memory(),
-            engine.limits,
-            engine.problem._replace(end=math.inf),
-            engine.tables.nodes,
-            engine.cut,
-            engine.tables.tables,
-            engine.problem._replace(end=math.inf, rtol=COARSE * engine.problem.rtol, atol=COARSE * engine.problem.atol),
-        )
-        self.jacobian, self.work = np.zeros((1, 1)), room(stages, engine.states, members)
-        states, velocities = (self.work.polynomial, np.zeros_like(self.work.polynomial)), np.zeros((2, stages, 3))
-        self.courses = tuple(encounters.Course(*arrays) for arrays in zip(states, velocities, strict=True))
-        shapes: tuple[Any, ...] = (1, 1, 1, 1, 1, (1, engine.states), (1, stages, engine.states))
-        self.record = stepper.Record(*(np.zeros(shape) for shape in shapes))
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(flight.COLUMNS))), np.zeros(rows, dtype=np.int32)
         self.logs = encounters.Logs(jumps, owners, np.zeros((BUFFER if self.world is not None else 0, len(encounters.COLUMNS))), np.zeros(4, dtype=np.int64))
+        hand = Grain(engine)  # whose state any of them takes in turn
+        problem = engine.problem._replace(end=math.inf)
+        given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), hand.state, hand.spin, hand.flight, hand.values)
+        self.steps, self.kept = engine.steps(*given, empty_record(0, stages, engine.states), jumps, problem=problem)
+        coarse = problem._replace(rtol=COARSE * problem.rtol, atol=COARSE * problem.atol)
+        whole = self.steps.flight.parts
+        rough, self.kept_too = engine.attempt(whole, coarse)
+        self.parts = placed(encounters.Parts(self.steps, rough))
+        states, velocities = (whole.room.polynomial, np.zeros_like(whole.room.polynomial)), np.zeros((2, stages, 3))
+        self.courses = tuple(placed(encounters.Course(*arrays)) for arrays in zip(states, velocities, strict=True))
+        self.given = placed(self.world) if self.world is not None else None, placed(crowd), self.heads
 
     def _world(self) -> encounters.World:
         scene = self.engine.scene
@@ -138,19 +133,18 @@ class Cloud:
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        tables, numbers, count = self.engine.tables, self.crowd.numbers, self.logs.count
+        tables, numbers, count, world = self.engine.tables, self.crowd.numbers, self.logs.count, self.world
+        log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
         while True:
-            code = encounters.advance(
-                self.parts, self.world, self.crowd, self.heads, samples, self.logs, self.jacobian, self.work, self.courses, self.record, until
-            )  # fmt: skip
+            code = encounters.advance(self.parts, *self.given, samples, log, self.courses, until)
             grain = int(count[2])
             if code == stepper.TABLE:
-                tables.fill(float(numbers[grain, stepper.STEP]), int(numbers[grain, stepper.SLOT]), int(numbers[grain, stepper.SINGULAR]))
+                tables.fill(odd, numbers[grain])
                 continue
             if code == UNTIL:
-                encounters.flush(self.parts, self.world, self.crowd, samples, self.work, until * ROUNDED)
-            elif code not in GOES_ON and self.world is not None:  # nobody is behind the grain that stopped the run
-                encounters.flush(self.parts, self.world, self.crowd, samples, self.work, float(self.crowd.clock[grain]) * ROUNDED)
+                encounters.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
+            elif code not in GOES_ON and world is not None:  # nobody is behind the grain that stopped the run
+                encounters.flush(self.parts, *self.given[:2], samples, float(self.crowd.clock[grain]) * ROUNDED)
             yield code, grain
             if code not in GOES_ON:
                 return
@@ -160,9 +154,8 @@ class Cloud:
         tables = self.engine.tables
         has_a_step = (encounters.STEP_END, encounters.IMPACT, encounters.KINK, encounters.ENCOUNTER, encounters.SEEK)
         for numbers in self.crowd.numbers[np.isin(self.crowd.kind, has_a_step)]:
-            h, slot, singular = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
-            if tables.tables.sizes[slot, singular] != h:
-                tables.fill(h, slot, singular)
+            if tables.tables.sizes[int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])] != numbers[stepper.STEP]:
+                tables.fill(self.steps.flight.parts.odd, numbers)
 
     def speed_of(self, grain: int) -> float:
         """Speed of a grain along the stream, V."""
@@ -315,7 +308,7 @@ class Folder:
             alike = False
         if not alike:
             told_so_far = f"saltation.open({str(self.path)!r}) gives what there is"
-            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged: take a copy, or start the run anew with --force; {told_so_far}")
+            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged, or of another version: take a copy, or start the run anew with --force; {told_so_far}")
         self._check(key)
         try:
             for number in range(told.parts):

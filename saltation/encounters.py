@@ -21,12 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import compiled, shared
+from basset._compile import call, compiled, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
 from saltation import flight
-from saltation._random import uniforms
 from saltation.bed.contact import strike_pair
 from saltation.flow import both
 from saltation.grain import Triple
@@ -83,8 +82,7 @@ class Crowd(NamedTuple):
     spin: Floats
     flight: Floats
     values: Floats
-    before: Floats  # size of the step before, 0 where it was singular or cut: for the next guess
-    diagonal: Floats  # of the Jacobian
+    diagonal: Floats  # of the Jacobian, (1, states)
     share: Floats  # θ at which the step in hand ends
     path: Floats  # of the step in hand: its times, its chord, and bounds on what leaves the chord
     clock: Floats  # time of the next event
@@ -130,17 +128,12 @@ Courses = tuple[Course, Course]  # room for those of two grains: the first one's
 
 
 class Parts(NamedTuple):
-    """What stays the same during a run, as for one grain; `bed.grain` is the number of the first one."""
+    """What stays the same during a run: how the grain in hand flies, whose place in the crowd may be any; `rough`: the attempt at a step that cannot
+    be small enough, since two contacts follow each other too closely.
+    """
 
-    model: Any
-    bed: Any
-    memory: Any
-    limits: Any
-    problem: Any
-    nodes: Any
-    cut: Any
-    tables: Any
-    coarse: Any  # the problem for a step that cannot be small enough: two contacts follow each other too closely
+    steps: flight.Steps
+    rough: Any
 
 
 @shared
@@ -270,9 +263,9 @@ def polynomial_of(parts: Parts, world: World | None, crowd: Crowd, grain: int, s
     """The polynomial of the step in hand; among grains that meet its positions are the integral of a velocity."""
     numbers = crowd.numbers[grain]
     singular, h = int(numbers[SINGULAR]), numbers[STEP]
-    stepper.fit_polynomial(parts.nodes, singular, h, crowd.values[grain], states)
+    stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, crowd.values[grain], states)
     if world is not None:
-        begin_with(parts.model, singular, h, crowd.y[grain], states)
+        begin_with(parts.steps.flight.model, singular, h, crowd.y[grain], states)
 
 
 @shared
@@ -303,7 +296,7 @@ def differentiate(model: flight.Model, singular: int, h: float, course: Course) 
 def course_of(parts: Parts, world: World, crowd: Crowd, grain: int, course: Course) -> None:
     """The path of the step in hand."""
     polynomial_of(parts, world, crowd, grain, course.states)
-    differentiate(parts.model, int(crowd.numbers[grain, SINGULAR]), crowd.numbers[grain, STEP], course)
+    differentiate(parts.steps.flight.model, int(crowd.numbers[grain, SINGULAR]), crowd.numbers[grain, STEP], course)
 
 
 @shared
@@ -539,7 +532,7 @@ def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: floa
                             course_of(parts, world, crowd, i, courses[0])
                             fitted = True
                         course_of(parts, world, crowd, j, courses[1])
-                        time = meeting(parts.model, world, crowd, i, j, courses[0], courses[1], begin, end)
+                        time = meeting(parts.steps.flight.model, world, crowd, i, j, courses[0], courses[1], begin, end)
                         if abs(time) < best:
                             best, chosen = abs(time), j if time >= 0.0 else index(-1)
                 j = index(crowd.link[j])
@@ -556,50 +549,72 @@ def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: floa
 
 
 @shared
-def view(crowd: Crowd, i: int, jacobian: Floats) -> stepper.State:
-    """One grain's state as the loops of a single grain know it."""
-    return stepper.State(crowd.y[i], crowd.rate[i], crowd.past[i], crowd.jump[i], jacobian, crowd.numbers[i])
+def copy_row(source: Floats, target: Floats) -> None:
+    """A vector into another."""
+    for a in range(len(source)):
+        target[a] = source[a]
 
 
 @shared
-def room_of(crowd: Crowd, i: int, work: flight.Work) -> flight.Work:
-    """The shared work space with what a grain keeps from step to step."""
-    return flight.Work(
-        work.rates, work.states, work.inverse, work.matrix, work.force, work.extra, work.residual, crowd.diagonal[i],
-        work.rate, crowd.before[i : i + 1], work.polynomial, work.here, work.out, work.halfway, work.contact,
-    )  # fmt: skip
+def copy_rows(source: Floats, target: Floats) -> None:
+    """A matrix into another."""
+    for a in range(len(source)):
+        copy_row(source[a], target[a])
 
 
 @shared
-def contact_in(
-    bed: flight.Bed, model: flight.Model, nodes: stepper.Nodes, state: stepper.State, singular: int, account: Floats, i: int, work: flight.Work
-) -> float:
-    """θ of the first contact with the bed in the step that is in `work`, 2 if there is none."""
-    d = model.dimensions
-    near = state.y[d - 1] < bed.highest
-    for k in range(len(nodes.c)):
-        near = near or work.states[k, d - 1] < bed.highest
-    if not near:
-        return 2.0
-    draws = uniforms(bed.seed, bed.grain + i, int(account[flight.IMPACTS]))
-    return flight.first_contact(model, bed, work.polynomial, state.y, singular, draws, state.numbers[TIME] == account[flight.START])
+def take(crowd: Crowd, i: int, g: flight.Flight) -> None:
+    """Take a grain in hand."""
+    p, state = g.parts, g.parts.state
+    copy_row(crowd.y[i], state.y)
+    copy_row(crowd.rate[i], state.rate)
+    copy_rows(crowd.past[i], state.past)
+    copy_row(crowd.jump[i], state.jump)
+    copy_rows(crowd.diagonal[i], state.jacobian)
+    copy_row(crowd.numbers[i], state.numbers)
+    copy_row(crowd.spin[i], p.equation.own)
+    copy_row(crowd.flight[i], g.account)
+    copy_rows(crowd.values[i], p.values)
 
 
 @shared
-def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, jacobian: Floats, work: flight.Work, courses: Courses) -> int:
-    """Find the next step of a grain: ACCEPTED, or why not. Its polynomial is left in `work`.
+def put(crowd: Crowd, i: int, g: flight.Flight) -> None:
+    """Put a grain back, with what taking a step has changed."""
+    p, state = g.parts, g.parts.state
+    copy_row(state.y, crowd.y[i])
+    copy_row(state.rate, crowd.rate[i])
+    copy_rows(state.past, crowd.past[i])
+    copy_row(state.jump, crowd.jump[i])
+    copy_row(state.numbers, crowd.numbers[i])
+    copy_row(p.equation.own, crowd.spin[i])
+    copy_row(g.account, crowd.flight[i])
+
+
+@shared
+def put_step(crowd: Crowd, i: int, g: flight.Flight) -> None:
+    """Put a grain back, with what finding a step has changed."""
+    p = g.parts
+    copy_rows(p.state.jacobian, crowd.diagonal[i])
+    copy_row(p.state.numbers, crowd.numbers[i])
+    copy_rows(p.values, crowd.values[i])
+
+
+@shared
+def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, courses: Courses) -> int:
+    """Find the next step of the grain in hand: ACCEPTED, or why not. Its polynomial is left in the room.
 
     A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
     """
-    model, nodes, problem = parts.model, parts.nodes, parts.problem
-    state, numbers, account, room = view(crowd, i, jacobian), crowd.numbers[i], crowd.flight[i], room_of(crowd, i, work)
-    if numbers[TIME] - account[flight.START] > parts.limits.longest:
+    steps = parts.steps
+    g, p = steps.flight, steps.flight.parts
+    model, problem, state, numbers, signal, polynomial = g.model, p.problem, p.state, p.state.numbers, p.room.signal, p.room.polynomial
+    if numbers[TIME] - g.account[flight.START] > g.limits.longest:
         return flight.ALOFT
-    if crowd.before[i] > 0.0 and crowd.kind[i] == PLAN:  # the values of the step before are still in their place
-        flight.keep_rate(nodes, 0, crowd.before[i], crowd.values[i], room)
     while True:
+        code = ACCEPTED
         if crowd.kind[i] != ROUGH:
-            code = flight.attempt(model, parts.memory.finite, crowd.spin[i], problem, nodes, parts.tables, state, crowd.values[i], room)
+            call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
+            code = int(signal[0, 0])
             if code == TABLE:
                 crowd.kind[i] = AGAIN
             elif world is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
@@ -607,18 +622,18 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
                 numbers[STEP] = 8.0 * problem.floor
                 crowd.kind[i] = ROUGH
         if crowd.kind[i] == ROUGH:
-            code = flight.attempt(model, parts.memory.finite, crowd.spin[i], parts.coarse, nodes, parts.tables, state, crowd.values[i], room)
+            call(parts.rough, 0.0, signal, 0, signal, 0, signal)
+            code = int(signal[0, 0])
             if code == ACCEPTED:
                 crowd.kind[i] = PLAN
                 logs.count[3] += 1
+        put_step(crowd, i, g)
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
-        polynomial_of(parts, world, crowd, i, work.polynomial)
-        contact = contact_in(parts.bed, model, nodes, state, singular, account, i, work)
-        kink = 2.0
-        if h > 2.0 * problem.floor:
-            kink = flight.leaving(model, work.polynomial, state.y, singular, crowd.spin[i, 3], work.states)
+        polynomial_of(parts, world, crowd, i, polynomial)
+        call(steps.look, float(g.bed.grain + i), signal, 0, signal, 0, signal)
+        contact, kink = signal[0, 0], signal[0, 1]
         share = min(contact, kink, 1.0)
         crowd.share[i] = share
         crowd.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
@@ -649,63 +664,56 @@ def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, p
 
 
 @shared
-def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, theta: float, jacobian: Floats, work: flight.Work) -> None:
-    """Take the step in hand up to θ, at time `now`; its polynomial is in `work`."""
-    state, numbers = view(crowd, i, jacobian), crowd.numbers[i]
-    write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
-    flight.watch(parts.model, work.polynomial, state.y, int(numbers[SINGULAR]), numbers[STEP], theta, crowd.flight[i])
-    flight.cut_step(parts.problem, parts.nodes, parts.memory, parts.cut, state, theta, crowd.values[i], work)
+def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, theta: float) -> None:
+    """Take the step of the grain in hand up to θ, at time `now`; its polynomial is in the room."""
+    g, p = parts.steps.flight, parts.steps.flight.parts
+    numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
+    write_samples(g.model, crowd, samples, i, polynomial, now, p.room.before)
+    flight.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
-    crowd.before[i] = 0.0
 
 
 @shared
-def come_down(bed: flight.Bed, parts: Parts, crowd: Crowd, logs: Logs, i: int, state: stepper.State, work: flight.Work) -> int:
-    """Strike the bed: ACCEPTED or REST."""
-    own, room = flight.Bed(bed.rebound, bed.roughness, bed.highest, bed.seed, bed.grain + i), room_of(crowd, i, work)
-    account = crowd.flight[i]
-    return flight.land(parts.model, own, parts.memory, parts.problem, state, crowd.spin[i], account, room, parts.limits, logs.jumps)
-
-
-@shared
-def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int, jacobian: Floats, work: flight.Work, record: stepper.Record) -> int:
-    """Take the step in hand to its own end: ACCEPTED or REST. Its polynomial is in `work`."""
-    now, numbers = crowd.path[i, END], crowd.numbers[i]
-    state = view(crowd, i, jacobian)
+def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> int:
+    """Take the step of the grain in hand to its own end: ACCEPTED or REST. Its polynomial is in the room."""
+    now = crowd.path[i, END]
+    g, p = parts.steps.flight, parts.steps.flight.parts
+    state, numbers, signal, model = p.state, p.state.numbers, p.room.signal, g.model
     if crowd.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
-        write_samples(parts.model, crowd, samples, i, work.polynomial, now, work.here[0])
-        flight.watch(parts.model, work.polynomial, state.y, singular, h, 1.0, crowd.flight[i])
-        crowd.before[i] = 0.0 if singular == 1 else h
-        stepper.accept(parts.problem, parts.nodes, parts.tables, state, crowd.values[i], record, 0)
-        if h <= 2.0 * parts.problem.floor:
-            crowd.spin[i, 3] = flight.layer_of(parts.model, state.y[parts.model.dimensions - 1], state.y[2 * parts.model.dimensions - 1])
+        write_samples(model, crowd, samples, i, p.room.polynomial, now, p.room.before)
+        flight.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
+        if h <= 2.0 * p.problem.floor:
+            p.equation.own[3] = flight.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
-    cut_at(parts, crowd, samples, i, now, crowd.share[i], jacobian, work)
+    cut_at(parts, crowd, samples, i, now, crowd.share[i])
     if crowd.own[i] == KINK:
-        flight.cross(parts.model, parts.problem, state, crowd.spin[i], room_of(crowd, i, work))
+        flight.cross(model, p)
         return ACCEPTED
     count = logs.count
-    crowd.flight[i, flight.DONE] = count[0]
-    logs.owners[count[0]] = i
+    row = index(count[0])
+    logs.owners[row] = i
     count[0] += 1
-    return come_down(parts.bed, parts, crowd, logs, i, state, work)
+    call(parts.steps.land, float(g.bed.grain + i), signal, 0, logs.jumps, row, signal)
+    return int(signal[0, 0])
 
 
 @shared
-def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats, jacobian: Floats) -> None:
+def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats) -> None:
     """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
-    model = parts.model
+    g, p = parts.steps.flight, parts.steps.flight.parts
+    model = g.model
     d = model.dimensions
-    one, two = view(crowd, i, jacobian), view(crowd, j, jacobian)
-    first, second = one.y, two.y
+    first, second = crowd.y[i], crowd.y[j]
     x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
     y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], world.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
-    spin_one, spin_two = flight.spin_of(model, one, crowd.spin[i]), flight.spin_of(model, two, crowd.spin[j])
+    spin_one, spin_two = flight.spin_of(model, first, crowd.spin[i]), flight.spin_of(model, second, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
     if closing > 0.0 and restitution * closing < world.slowest:
@@ -718,11 +726,14 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         row[17 + k], row[20 + k] = spin_one[k], spin_two[k]
         row[23 + k], row[26 + k], row[29 + k], row[32 + k] = after[0][k], after[1][k], after[2][k], after[3][k]
         row[35 + k] = after[4][k]
-    flight.rebounded(model, parts.memory, parts.problem, one, stream_one, after[0][0], after[0][1], after[0][2])
-    flight.rebounded(model, parts.memory, parts.problem, two, stream_two, after[1][0], after[1][1], after[1][2])
-    if not parts.limits.prescribed:
-        flight.turn(model, one, crowd.spin[i], after[2][0], after[2][1], after[2][2])
-        flight.turn(model, two, crowd.spin[j], after[3][0], after[3][1], after[3][2])
+    for side in range(2):
+        grain = i if side == 0 else j
+        take(crowd, grain, g)
+        k = 23 + 3 * side
+        flight.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        if not g.limits.prescribed:
+            flight.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+        put(crowd, grain, g)
 
 
 @shared
@@ -737,10 +748,10 @@ def cascading(world: World, crowd: Crowd, grain: int, now: float) -> bool:
 
 @shared
 def encounter(
-    parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, jacobian: Floats, work: flight.Work, courses: Courses
+    parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses
 ) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
-    j = index(crowd.partner[i])
+    j, model = index(crowd.partner[i]), parts.steps.flight.model
     for side in range(2):
         grain = i if side == 0 else j
         if cascading(world, crowd, grain, now):
@@ -750,10 +761,12 @@ def encounter(
     for side in range(2):
         grain = i if side == 0 else j
         course_of(parts, world, crowd, grain, courses[0])
-        velocity = at_time(parts.model, crowd, grain, courses[0], now)[1]
+        velocity = at_time(model, crowd, grain, courses[0], now)[1]
         row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
-        cut_at(parts, crowd, samples, grain, now, share_at(crowd, grain, now), jacobian, work)
-    collide(parts, world, crowd, i, j, now, row, jacobian)
+        take(crowd, grain, parts.steps.flight)
+        cut_at(parts, crowd, samples, grain, now, share_at(crowd, grain, now))
+        put(crowd, grain, parts.steps.flight)
+    collide(parts, world, crowd, i, j, now, row)
     logs.count[1] += 1
     set_event(world, crowd, i, now, PLAN, -1)
     set_event(world, crowd, j, now, PLAN, -1)
@@ -770,23 +783,14 @@ def depart(world: World | None, crowd: Crowd, heads: Any, i: int) -> None:
 
 @shared
 def serve(
-    parts: Parts,
-    world: World | None,
-    crowd: Crowd,
-    heads: Any,
-    samples: Samples,
-    logs: Logs,
-    i: int,
-    jacobian: Floats,
-    work: flight.Work,
-    courses: Courses,
-    record: stepper.Record,
-    fitted: bool,
+    parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool
 ) -> int:
-    """Serve a grain's next event: ACCEPTED, or why the caller is needed. `fitted`: `work` holds its polynomial."""
-    now, kind = crowd.clock[i], index(crowd.kind[i])
+    """Serve a grain's next event: ACCEPTED, or why the caller is needed. `at_hand`: it was the last to be served, its polynomial is in the room."""
+    now, kind, g = crowd.clock[i], index(crowd.kind[i]), parts.steps.flight
     if kind in (PLAN, AGAIN, ROUGH):
-        code = plan(parts, world, crowd, heads, logs, i, jacobian, work, courses)
+        if not at_hand:
+            take(crowd, i, g)
+        code = plan(parts, world, crowd, heads, logs, i, courses)
         if code != ACCEPTED:
             logs.count[2] = i
             if code == flight.ALOFT:
@@ -802,12 +806,14 @@ def serve(
         if kind == ENCOUNTER:
             if logs.count[1] >= len(logs.encounters):
                 return ENCOUNTERS_FULL
-            return encounter(parts, world, crowd, samples, logs, i, now, jacobian, work, courses)
+            return encounter(parts, world, crowd, samples, logs, i, now, courses)
     if kind == IMPACT and logs.count[0] >= len(logs.jumps):
         return JUMPS_FULL
-    if not fitted:
-        polynomial_of(parts, world, crowd, i, work.polynomial)
-    code = finish(parts, crowd, samples, logs, i, jacobian, work, record)
+    if not at_hand:
+        take(crowd, i, g)
+        polynomial_of(parts, world, crowd, i, g.parts.room.polynomial)
+    code = finish(parts, crowd, samples, logs, i)
+    put(crowd, i, g)
     if code == flight.REST:
         logs.count[2] = i
         depart(world, crowd, heads, i)
@@ -818,51 +824,42 @@ def serve(
 
 def _make_advance(digest: str) -> Callable[..., Any]:
     def advance(
-        parts: Parts,
-        world: World | None,
-        crowd: Crowd,
-        heads: Any,
-        samples: Samples,
-        logs: Logs,
-        jacobian: Floats,
-        work: flight.Work,
-        courses: Courses,
-        record: stepper.Record,
-        until: float,
+        parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, courses: Courses, until: float
     ) -> int:
         """Serve events up to `until`: UNTIL, or why the caller is needed."""
         digest  # noqa: B018 - part of the cache key
         if world is None:
             for i in range(len(crowd.clock)):
-                fitted = False
+                at_hand = False
                 while crowd.clock[i] <= until:
-                    code = serve(parts, world, crowd, heads, samples, logs, i, jacobian, work, courses, record, fitted)
+                    code = serve(parts, world, crowd, heads, samples, logs, i, courses, at_hand)
                     if code != ACCEPTED:
                         return code
-                    fitted = True
+                    at_hand = True
             return UNTIL
         while True:
             grain = index(crowd.heap[0])
             if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
                 return UNTIL
-            code = serve(parts, world, crowd, heads, samples, logs, grain, jacobian, work, courses, record, False)
+            code = serve(parts, world, crowd, heads, samples, logs, grain, courses, False)
             if code != ACCEPTED:
                 return code
 
     return advance
 
 
-advance = compiled(_make_advance, allocates=False, usually="some 30 s")
+advance = compiled(_make_advance, allocates=False, usually="some 20 s")
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts: Parts, world: World | None, crowd: Crowd, samples: Samples, work: flight.Work, until: float) -> None:
+    def flush(parts: Parts, world: World | None, crowd: Crowd, samples: Samples, until: float) -> None:
         """Write all samples up to `until`, which every step in hand reaches."""
         digest  # noqa: B018 - part of the cache key
+        g, room = parts.steps.flight, parts.steps.flight.parts.room
         for i in range(len(crowd.clock)):
             if crowd.kind[i] != GONE and crowd.sample[i] * samples.interval <= until:
-                polynomial_of(parts, world, crowd, i, work.polynomial)
-                write_samples(parts.model, crowd, samples, i, work.polynomial, until, work.here[0])
+                polynomial_of(parts, world, crowd, i, room.polynomial)
+                write_samples(g.model, crowd, samples, i, room.polynomial, until, room.before)
 
     return flush
 
@@ -873,8 +870,8 @@ flush = compiled(_make_flush, allocates=False)
 def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int) -> Crowd:
     """Room for so many grains, all about to plan their first step."""
     shapes: dict[str, tuple[int, ...]] = {
-        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (flight.NUMBERS,), "spin": (4,), "flight": (14,),
-        "values": (stages, states), "before": (), "diagonal": (states,), "share": (), "path": (12,),
+        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (stepper.NUMBERS,), "spin": (4,), "flight": (14,),
+        "values": (stages, states), "diagonal": (1, states), "share": (), "path": (12,),
         "clock": (), "calm": (),
     }  # fmt: skip
     whole: dict[str, Any] = dict.fromkeys(("partner", "cell", "link", "burst", "heap", "place"), np.int32) | {

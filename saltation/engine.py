@@ -238,10 +238,17 @@ class Engine:
         room = stepper.room(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, tables.odd(), state, values, self.following, self.cut, room))
         whole = placed(flight.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
-        solve, accept, cut = (bind(parts)[0] for bind in (stepper.diagonally_entry, stepper.accept_entry, stepper.cut_entry))
-        attempt, kept = stepper.attempt_entry(stepper.Attempt(parts, solve))
+        attempt, kept = self.attempt(parts)
+        accept, cut = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.cut_entry))
         look, land = (bind(whole)[0] for bind in (flight.look_entry, flight.land_entry))
         return flight.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
+
+
+    def attempt(self, parts: Any, problem: stepper.Problem | None = None) -> tuple[Any, Any]:
+        """The search for a step, of another problem if one is given; and what must be kept alive meanwhile."""
+        if problem is not None:
+            parts = placed(stepper.Parts(*(problem if name == "problem" else getattr(parts, name) for name in stepper.Parts._fields)))
+        return stepper.attempt_entry(stepper.Attempt(parts, stepper.diagonally_entry(parts)[0]))
 
 
 class Start(NamedTuple):

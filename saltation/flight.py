@@ -350,9 +350,8 @@ def forget(kept: Floats, when: Floats, rates: Floats, state: State, done: int) -
 
 
 @shared
-def spin_of(model: Model, state: State, spin: Floats) -> Triple:
-    """The spin, three components."""
-    s = state.y
+def spin_of(model: Model, s: Floats, spin: Floats) -> Triple:
+    """The spin of a grain in the states s, three components."""
     if model.spins == 0:
         return spin[0], spin[1], spin[2]
     if model.dimensions == 2:
@@ -361,9 +360,8 @@ def spin_of(model: Model, state: State, spin: Floats) -> Triple:
 
 
 @shared
-def turn(model: Model, state: State, spin: Floats, ox: float, oy: float, oz: float) -> None:
-    """Give the grain a new spin."""
-    s = state.y
+def turn(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: float) -> None:
+    """Give a grain in the states s a new spin."""
     if model.spins == 0:
         spin[0], spin[1], spin[2] = ox, oy, oz
     elif model.dimensions == 2:
@@ -438,7 +436,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     stream = both(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
     v = 0.0 if model.dimensions == 2 else s[d + 1]
-    ox, oy, oz = spin_of(model, state, spin)
+    ox, oy, oz = spin_of(model, s, spin)
     duration = numbers[TIME] - flight[START]
     u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
     jx, jy, jz, tilt, clipped, normal_speed, contacts = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -474,7 +472,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
         forget(memory.before, memory.when, g.parts.cut.rates, state, int(flight[TAKEN]) - 1)
     rebounded(model, memory, problem, state, stream, u, v, w)
     if not limits.prescribed:
-        turn(model, state, spin, ox, oy, oz)
+        turn(model, s, spin, ox, oy, oz)
     spin[3] = layer_of(model, z, w)
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
     take_off(state, flight, x, across, z, u, v, w)
