@@ -151,7 +151,6 @@ def _kept(event: Any) -> Keeper | None:
 
 
 when_loaded(_announce)
-when_loaded(lambda numba: importlib.import_module("basset._places"))
 
 
 @contextlib.contextmanager
@@ -484,6 +483,9 @@ def placed(parts: Any) -> Any:
     return Placed(parts) if jit() else parts
 
 
+when_loaded(lambda numba: importlib.import_module("basset._places"))
+
+
 def _words(part: Any) -> list[int]:
     """What lies in memory for a number, an array, None or a tuple of such, in words."""
     if isinstance(part, Placed):
@@ -524,19 +526,15 @@ def entry(function: Callable[..., None], usually: str = "a second") -> Callable[
     plain.__module__, plain.__qualname__ = function.__module__, f"entry_of_{name}"
     made: list[Any] = []
 
-    def plain_form(parts: Any) -> tuple[Any, Any]:
-        return partial(function, parts), None
-
     def bind(parts: Any) -> tuple[Any, Any]:
+        if not jit():
+            return partial(function, parts), None
         if not made:
             with LOCK:
                 made.append(_made(plain, False, False, usually))
-        if not is_compiled(made[0]):
-            return plain_form(parts)
         kept = parts if isinstance(parts, Placed) else Placed(parts)
         return Entry(made[0](kept), kept.address), kept
 
-    bind.plain = plain_form  # type: ignore[attr-defined]  # tests run it beside the compiled form
     return bind
 
 

@@ -308,7 +308,7 @@ class Folder:
             alike = False
         if not alike:
             told_so_far = f"saltation.open({str(self.path)!r}) gives what there is"
-            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged, or of another version: take a copy, or start the run anew with --force; {told_so_far}")
+            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged, or of another version: take a copy, or go on anew with --force; {told_so_far}")
         self._check(key)
         try:
             for number in range(told.parts):

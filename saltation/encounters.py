@@ -747,9 +747,7 @@ def cascading(world: World, crowd: Crowd, grain: int, now: float) -> bool:
 
 
 @shared
-def encounter(
-    parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses
-) -> int:
+def encounter(parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
     j, model = index(crowd.partner[i]), parts.steps.flight.model
     for side in range(2):
@@ -782,9 +780,7 @@ def depart(world: World | None, crowd: Crowd, heads: Any, i: int) -> None:
 
 
 @shared
-def serve(
-    parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool
-) -> int:
+def serve(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool) -> int:
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `at_hand`: it was the last to be served, its polynomial is in the room."""
     now, kind, g = crowd.clock[i], index(crowd.kind[i]), parts.steps.flight
     if kind in (PLAN, AGAIN, ROUGH):
@@ -823,9 +819,7 @@ def serve(
 
 
 def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(
-        parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, courses: Courses, until: float
-    ) -> int:
+    def advance(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
         """Serve events up to `until`: UNTIL, or why the caller is needed."""
         digest  # noqa: B018 - part of the cache key
         if world is None:

@@ -218,7 +218,6 @@ class Engine:
         """Height of a centre in contact with an untilted bed, d."""
         return 0.5 if self.scene.bed is not None and self.scene.bed.roughness == "flat" else 0.75
 
-
     def steps(
         self,
         limits: flight.Limits,
@@ -242,7 +241,6 @@ class Engine:
         accept, cut = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.cut_entry))
         look, land = (bind(whole)[0] for bind in (flight.look_entry, flight.land_entry))
         return flight.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
-
 
     def attempt(self, parts: Any, problem: stepper.Problem | None = None) -> tuple[Any, Any]:
         """The search for a step, of another problem if one is given; and what must be kept alive meanwhile."""

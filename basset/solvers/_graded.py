@@ -212,7 +212,7 @@ class Integration:
             watch, third = stepper.watch_entry(stepper.Watch(m, found, parts, self.record))
         self.kept = first, second, third
         most = len(found.log_times) // 2
-        return parts, (attempt, watch, watching, placed(parts), found.logged, most, placed(self.record), True)
+        return parts, (attempt, watch, watching, parts, found.logged, most, placed(self.record), True)
 
     def _along(self) -> tuple[int, int]:
         """One step along the surfaces, up to where the state leaves one; as `stepper.march`."""

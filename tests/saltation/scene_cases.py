@@ -12,7 +12,7 @@ import numpy as np
 import scipy.optimize
 
 import saltation
-from basset import reference
+from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
 from saltation import encounters, fixed, flight
@@ -49,12 +49,11 @@ def scene(name: str, **changes: Any) -> Any:
 def interpreted() -> Iterator[None]:
     """The flight as plain Python: the same source."""
     with contextlib.ExitStack() as stack:
-        for module in (flight, fixed, encounters, _march):
+        stack.enter_context(mock.patch.object(_compile, "jit", lambda: False))
+        for module in (flight, fixed, encounters, stepper):
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))
-        for name in ("rates_entry", "rebound_entry"):
-            stack.enter_context(mock.patch.object(flight, name, getattr(flight, name).plain))
         yield
 
 

@@ -16,9 +16,10 @@ from scene_cases import cloud_scene, sand_cloud
 
 import saltation
 from basset.solvers import stepper
+from basset.solvers._tables import tables_of
 from saltation import cloud, flight
 from saltation.cloud import Folder, starts
-from saltation.engine import Engine, Grain, Start, tables_of
+from saltation.engine import Engine, Grain, Start, tables_for
 from saltation.flow import both
 from saltation.result import table_of
 from saltation.simulation import empty_record
@@ -39,6 +40,7 @@ def same(one, other):
 @pytest.fixture(scope="module")
 def whole():
     """In memory, in one piece, nothing tabulated before."""
+    tables_for.cache_clear()
     tables_of.cache_clear()
     result = saltation.run(sand_cloud(LENGTH))
     assert len(result.encounters) > 50
@@ -194,6 +196,7 @@ def test_stopped_between_two_files(word, whole, monkeypatch, tmp_path):
         patch.setattr(Folder, word, stop)
         saltation.run(whole.scene, output=tmp_path / "run")
     assert saltation.open(tmp_path / "run").status == "unfinished"
+    tables_for.cache_clear()
     tables_of.cache_clear()  # as in another process
     same(saltation.run(whole.scene, output=tmp_path / "run"), whole)
 

@@ -139,7 +139,7 @@ def test_of_short_jumps(name):
     engine = Engine(made("sand", rtol, **SHORT[name]))
     grain, loose = Grain(engine), engine.problem
     state = grain.state
-    arrays = (state.y, state.rate, state.past, state.jump, state.numbers, grain.spin, grain.flight, grain.work.past)
+    arrays = (state.y, state.rate, state.past, state.jump, state.numbers, grain.spin, grain.flight, grain.values)
     for taken in range(30):
         before, pair = [array.copy() for array in arrays], []
         engine.limits = engine.limits._replace(seal=taken + 1.0)
