@@ -59,6 +59,32 @@ class SpectralTable(NamedTuple):
     values: Floats
 
 
+class Following(NamedTuple):
+    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: a kernel that stays.
+
+    C = ½√π (U/f)³ scale^(3/2), f = 0.75 + c2 U reynolds, U being the slip between `least` and `most`. `local` is what the local history of a unit
+    step falls short of Basset's, on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular
+    and of a singular step, halfway between those of a singular one.
+    """
+
+    c1: float
+    c2: float
+    reynolds: float
+    scale: float
+    least: float
+    most: float
+    log_rates: Floats
+    low: float
+    inverse_step: float
+    values: Floats
+    local: Floats
+    local_low: float
+    local_inverse: float
+
+
+STAYS = Following(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(0), 0.0, 0.0, np.zeros((0, 0, 8)), np.zeros((3, 0, 0, 0)), 0.0, 0.0)  # follows no slip
+
+
 class SlipTable(NamedTuple):
     """All that compiled code needs for the weights of a sum at any C > 0; infinity stands for −ln C at C = 0.
 
@@ -287,3 +313,24 @@ def ratio_at(low: float, inverse_step: float, values: Floats, row: int, log_rate
     odd = values[row, cell, 1] + square * (values[row, cell, 3] + square * (values[row, cell, 5] + square * values[row, cell, 7]))
     result: float = power * (even + u * odd)
     return result
+
+
+@shared
+def clock_of(following: Following, where: Any, states: Floats, i: int) -> float:
+    """Ln C^(2/3) at row i of `states`; −∞ for C = 0."""
+    speed = 0.0
+    for a in range(len(where)):
+        speed += states[i, where[a]] ** 2
+    speed = min(max(math.sqrt(speed), following.least), following.most)
+    if speed == 0.0:
+        return -math.inf
+    clock = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(following.scale)
+    return clock + 2.0 * math.log(speed / (0.75 + following.c2 * speed * following.reynolds))
+
+
+@shared
+def followed(following: Following, q: int, clock: float) -> float:
+    """What the weight of term q is multiplied by at ln C^(2/3) = `clock`."""
+    rows = following.values.shape[0]
+    found: float = ratio_at(following.low, following.inverse_step, following.values, min(q, rows - 1), following.log_rates[q] - clock)
+    return found

@@ -13,7 +13,8 @@ from basset._compile import placed
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import stepper
-from basset.solvers._tables import STAYS, StepTables, following, stages_of, tables_of
+from basset.solvers._tables import StepTables, following, stages_of, tables_of
+from basset.spectrum import STAYS, Following
 from saltation import flight
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS
@@ -143,7 +144,7 @@ class Engine:
         """The bed for the loop; the first rebound of its kind is compiled."""
         return self._bed(self.scene.bed) if self.scene.bed is not None else None
 
-    def _following(self, horizon: float | None) -> stepper.Following:
+    def _following(self, horizon: float | None) -> Following:
         """The kernel that follows the slip."""
         assert self.tables.tail is not None
         reynolds = self.numbers.reynolds

@@ -13,10 +13,12 @@ import numpy as np
 
 from basset._compile import Callbacks, c_function, filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
-from basset.kernels import Floats, gauss_legendre
+from basset.finite_reynolds import VaryingSlipKernel
+from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import _sliding, events, stepper
-from basset.solvers._tables import DECAYED, QUADRATURE, STAYS, stages_of, tables_of
+from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Event, Piece, SolverError, Stretch, Task, Trace, returned, stretches
+from basset.spectrum import STAYS, clock_of, followed
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -26,6 +28,7 @@ FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so 
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
+FOLLOWING = 4.0  # times the error of a singular step: with a kernel that follows the slip the solution has powers of √t that its polynomial has not
 PATIENCE = 4  # looks for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
 CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
@@ -69,7 +72,10 @@ class Integration:
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
         self.stages = stages_of(count)
-        self.active = active = task.coefficient > 0.0
+        self.varying = task.kernel if isinstance(task.kernel, VaryingSlipKernel) else None
+        # the slip that such a kernel follows is that of all members
+        self.active = active = task.coefficient > 0.0 if self.varying is None else np.repeat((task.coefficient > 0.0).any(), len(task.memory))
+        self.kernel = task.kernel if self.varying is None else BassetKernel()
         span = task.end - task.start
         limit = min(method.max_step or span, span)
         self.stretches = stretches(task)  # the running one first
@@ -94,12 +100,19 @@ class Integration:
         closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
             self.depth += 1
-            if self.depth == len(DEPTHS) or (self.depth > 1 and not _has_geometric(task.kernel)):
+            if self.depth == len(DEPTHS) or (self.depth > 1 and not self._deepens):
                 raise SolverError(f"breaks {closest:.2g} s apart are too close for a span of {span:.6g} s and {task.kernel!r}")
         near, floor = DEPTHS[self.depth]
+        if self.varying is not None:  # the sum reaches ten times as far, and is none of those that reach any lag
+            near, floor = max(near, 1.01e-11), max(floor, 1e-10)
         self.problem = self.problem._replace(floor=floor * span)
         self.tail = self._sum(near * span) if self.remembers else None
-        self.tables = tables_of(count, self.tail, task.kernel, floor * span, span)
+        self.tables = tables_of(count, self.tail, self.kernel, floor * span, span)
+        self.following = STAYS
+        if self.varying is not None and self.tail is not None:
+            v = self.varying
+            self.following = following(count, self.tail, (v.c1, v.c2), v.diameter / v.viscosity, 1.0 / v.viscosity, v.slip_range, span)
+            self.problem = self.problem._replace(care=FOLLOWING)
         self.odd = self.tables.odd()
         self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
@@ -115,21 +128,27 @@ class Integration:
         weights, rates = (np.array(self.tail.weights), np.array(self.tail.rates)) if self.tail is not None else (np.empty(0), np.empty(0))
         return events.Motion(
             fun, events.entries(functions), events.entries(jumps), np.zeros(1), problem.where, task.coefficient[self.active], problem.strength,
-            weights, rates, state.past, state.jump, state.numbers, task.held, problem.first, problem.last, problem.span, np.zeros((8, len(state.y))),
+            weights, rates, state.past, state.jump, state.numbers, task.held, problem.first, problem.last, problem.span, self.following,
+            np.zeros((9, len(state.y))),
         )  # fmt: skip
+
+    @property
+    def _deepens(self) -> bool:
+        """Whether there are sums for lags however short."""
+        return self.varying is None and _has_geometric(self.kernel)
 
     def _sum(self, near: float) -> ExponentialSum:
         """The kernel's sum, to a tenth of rtol or the best there is."""
-        far = self.problem.span * (1.0 + 1e-9)
+        far = self.problem.span * (1.0 + 1e-9) * (1.0 if self.varying is None else 10.0)  # for weights that follow the slip, see basset.spectrum
         tolerance = 0.1 * self.problem.rtol
         if far > 1e12 * near * 1.001:
-            return _geometric(near, far, tolerance, self.task.kernel)
+            return _geometric(near, far, tolerance, self.kernel)
         while True:
             try:
-                found = ExponentialSum.fit(near * 1.001, far, tolerance, self.task.kernel)
+                found = ExponentialSum.fit(near * 1.001, far, tolerance, self.kernel)
                 if self.problem.rtol < FINEST and tolerance > 1e3 * self.problem.rtol:
                     sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is good to {:.1g} only, got {:g}"
-                    raise SolverError(sentence.format(FINEST, self.task.kernel, tolerance, self.problem.rtol))
+                    raise SolverError(sentence.format(FINEST, self.kernel, tolerance, self.problem.rtol))
                 return found
             except ValueError:
                 if tolerance > 1e-3:
@@ -203,7 +222,7 @@ class Integration:
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
         equation = stepper.Equation(m.fun, m.own, m.held)
         tables = self.tables
-        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, self.odd, self.state, self.values, STAYS, self.cut, room))
+        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, self.odd, self.state, self.values, self.following, self.cut, room))
         solve, first = stepper.fully_entry(parts)
         attempt, second = stepper.attempt_entry(stepper.Attempt(parts, solve))
         watch, third = attempt, None
@@ -274,10 +293,12 @@ class Integration:
         numbers, deeper = self.state.numbers, self.depth + 1
         if deeper == len(DEPTHS) or numbers[stepper.TIME] - numbers[stepper.JUMPED] > 1e4 * self.problem.floor:
             return False
-        if not self.remembers or _has_geometric(self.task.kernel):
+        if not self.remembers or self._deepens:
             return True
+        if self.varying is not None:
+            return deeper == 1
         try:
-            ExponentialSum.fit(DEPTHS[deeper][0] * 1.001 * self.problem.span, self.problem.span, 1e-3, self.task.kernel)
+            ExponentialSum.fit(DEPTHS[deeper][0] * 1.001 * self.problem.span, self.problem.span, 1e-3, self.kernel)
         except ValueError:
             return False
         return True
@@ -541,5 +562,9 @@ class Integration:
         result = np.zeros(len(self.task.memory))
         if self.tail is not None:
             lag = t - float(self.state.numbers[stepper.TIME])
-            result[self.active] = (self.state.past + self.state.jump[:, None]) @ (self.tail.weights * np.exp(-self.tail.rates * lag))
+            weights = self.tail.weights * np.exp(-self.tail.rates * lag)
+            clock = clock_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
+            if clock > -math.inf:
+                weights *= [followed(self.following, q, clock) for q in range(len(weights))]
+            result[self.active] = (self.state.past + self.state.jump[:, None]) @ weights
         return result

@@ -12,7 +12,7 @@ from numpy.polynomial import legendre
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, gauss_legendre
 from basset.solvers import stepper
-from basset.spectrum import slip_table
+from basset.spectrum import Following, slip_table
 
 QUADRATURE = 48
 DECAYED = 40.0  # e^(−40) is below rounding
@@ -212,13 +212,8 @@ def local_shortfall(stages: int, c1: float) -> Floats:
 def following(
     count: int, tail: ExponentialSum, constants: tuple[float, float], reynolds: float, scale: float, slips: tuple[float, float], horizon: float
 ) -> Any:
-    """A kernel of the slip at t for the stepper; `tail` is Basset's, `constants` are c1 and c2, for the rest see `stepper.Following`."""
+    """A kernel of the slip at t for the stepper; `tail` is Basset's, `constants` are c1 and c2, for the rest see `Following`."""
     table, (c1, c2) = slip_table(tail, constants[0], horizon), constants
     values = np.array(table.values)
     local = local_shortfall(count, c1)
-    return stepper.Following(
-        c1, c2, reynolds, scale, *slips, np.array(table.log_rates), table.low, table.inverse_step, values, local, LOCAL_LOW, 1.0 / LOCAL_STEP
-    )
-
-
-STAYS = stepper.Following(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(0), 0.0, 0.0, np.zeros((0, 0, 8)), np.zeros((3, 0, 0, 0)), 0.0, 0.0)  # follows no slip
+    return Following(c1, c2, reynolds, scale, *slips, np.array(table.log_rates), table.low, table.inverse_step, values, local, LOCAL_LOW, 1.0 / LOCAL_STEP)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.evaluate import _converted
+from basset.finite_reynolds import VaryingSlipKernel
 from basset.kernels import BassetKernel, Floats, Kernel
 
 BESIDE = 4.0  # units in the last place between a break and where `fun` is asked: the user's own arithmetic may be off by some
@@ -236,7 +237,7 @@ class Task:
     y0: Floats
     memory: Any
     coefficient: Floats
-    kernel: Kernel
+    kernel: Kernel | VaryingSlipKernel
     slip: Floats
     events: list[Event]
     max_steps: int
@@ -319,6 +320,7 @@ class Method(abc.ABC):
     """
 
     references: ClassVar[tuple[str, ...]]
+    _follows_slip: ClassVar[bool] = False  # whether it takes a VaryingSlipKernel
 
     @abc.abstractmethod
     def _integrate(self, task: Task, trace: Trace) -> None:
@@ -331,7 +333,7 @@ def solve(
     y0: ArrayLike,
     memory: Sequence[int] = (0,),
     coefficient: ArrayLike = 1.0,
-    kernel: Kernel = BassetKernel(),
+    kernel: Kernel | VaryingSlipKernel = BassetKernel(),
     initial_slip: ArrayLike | None = None,
     args: tuple[Any, ...] = (),
     method: Method | None = None,
@@ -357,8 +359,8 @@ def solve(
         Which components remember and feel −coefficient·H of themselves.
     coefficient : float or array_like (members,), s^(-1/2)
         0 or greater.
-    kernel : Kernel
-        What is remembered.
+    kernel : Kernel or VaryingSlipKernel
+        What is remembered. With a VaryingSlipKernel all members are one slip, whose size the kernel follows (Collocation only, slip_at="t").
     initial_slip : array_like (members,) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
@@ -433,6 +435,11 @@ def solve(
     if not callable(fun):
         raise TypeError(f"fun must be callable as fun(t, y), got {_validate.shown(fun)}")
     task = _task(fun, t_span, y0, memory, coefficient, kernel, initial_slip, args, events, max_steps, breaks)
+    if isinstance(kernel, VaryingSlipKernel):
+        if not method._follows_slip:
+            raise ValueError(f"a VaryingSlipKernel needs method=Collocation(...), got {method!r}")
+        if kernel.slip_at != "t":
+            raise ValueError(f'the VaryingSlipKernel of solve must have slip_at="t", got "{kernel.slip_at}"')
     wanted = _wanted(t_eval, task)
     trace = Trace([task.start], [task.y0.copy()], [])
     try:
@@ -463,7 +470,7 @@ def _task(
     y0: ArrayLike,
     memory: Sequence[int],
     coefficient: ArrayLike,
-    kernel: Kernel,
+    kernel: Kernel | VaryingSlipKernel,
     initial_slip: ArrayLike | None,
     args: tuple[Any, ...],
     events: Any,
@@ -495,7 +502,7 @@ def _task(
         raise ValueError(f"coefficient must be a number or have one entry per component in memory ({len(indices)}), got shape {strength.shape}")
     if not (np.isfinite(strength).all() and (strength >= 0.0).all()):
         raise ValueError(f"coefficient must be finite and 0 or greater (s^(-1/2)), got {_validate.shown(coefficient)}")
-    if not isinstance(kernel, Kernel):
+    if not isinstance(kernel, (Kernel, VaryingSlipKernel)):
         raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
     slip = state[indices] if initial_slip is None else np.atleast_1d(_converted("initial_slip", initial_slip))
     if slip.shape != (len(indices),) and slip.size == 1:

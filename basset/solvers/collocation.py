@@ -61,6 +61,7 @@ class Collocation(Method):
     stages: int | None = None
     max_step: float | None = None
 
+    _follows_slip: ClassVar[bool] = True
     references: ClassVar[tuple[str, ...]] = (
         "Brunner (2004), Collocation Methods for Volterra Integral and Related Functional Differential Equations",
         "Hairer & Wanner (1996), Solving Ordinary Differential Equations II",

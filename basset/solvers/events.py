@@ -14,6 +14,7 @@ import numpy as np
 
 from basset._compile import Entry, call, filled, overloads, separate, shared
 from basset.kernels import Floats
+from basset.spectrum import Following, clock_of, followed
 
 CALLS, WHERE, WHAT = 7, 10, 11  # places in the march's numbers
 CLEAR = 64.0  # so many times its rounding an event function must be from zero to be on one side
@@ -92,7 +93,8 @@ class Motion(NamedTuple):
     first: float
     last: float
     span: float
-    rows: Floats  # (8, state): overwritten
+    following: Following
+    rows: Floats  # (9, state): overwritten
 
 
 class Step(NamedTuple):
@@ -168,22 +170,27 @@ def free_rate(m: Motion, events: Events, t: float, y: Floats, out: Floats) -> No
 
 
 @separate
-def subtract_memory(m: Motion, t: float, strength: Floats, rate: Floats) -> None:
-    """Rate − strength·H in place, H at t if nothing has happened since the step's start."""
-    lag = t - m.numbers[0]
+def subtract_memory(m: Motion, t: float, y: Floats, strength: Floats, rate: Floats) -> None:
+    """Rate − strength·H in place, H at t in the states y if nothing has happened since the step's start; uses row 8."""
+    lag, follows = t - m.numbers[0], len(m.following.values) > 0
+    copy(y, m.rows[8])
+    clock = clock_of(m.following, m.where, m.rows, 8) if follows else -math.inf
     for a in range(len(m.where)):
         total = 0.0
         for q in range(len(m.rates)):
-            total += (m.past[a, q] + m.jump[a]) * m.weights[q] * math.exp(-m.rates[q] * lag)
+            weight = m.weights[q] * math.exp(-m.rates[q] * lag)
+            if clock > -math.inf:
+                weight *= followed(m.following, q, clock)
+            total += (m.past[a, q] + m.jump[a]) * weight
         rate[m.where[a]] -= strength[a] * total
 
 
 @separate
 def pull(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
-    """What draws a body at rest off its surface where positive; uses rows 0 to 2."""
+    """What draws a body at rest off its surface where positive; uses rows 0 to 2 and 8."""
     rate = m.rows[2]
     free_rate(m, events, t, y, rate)
-    subtract_memory(m, t, m.coefficient, rate)
+    subtract_memory(m, t, y, m.coefficient, rate)
     total, largest = 0.0, 0.0
     for a in range(len(y)):
         total -= events.hit[k, a] * rate[a]
@@ -644,7 +651,7 @@ def fire(m: Motion, events: Events, t: float, y: Floats, after: Floats, still: F
         for a in range(len(y)):
             if m.held[a]:
                 left[a] = 0.0
-        subtract_memory(m, t, m.felt, left)
+        subtract_memory(m, t, still, m.felt, left)
         for a in range(len(y)):
             moves = moves or left[a] != 0.0
         if moves:

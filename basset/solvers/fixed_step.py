@@ -20,6 +20,7 @@ from basset.quadrature.product import lagrange
 from basset.solvers import events
 from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, stretches
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton, bounds, degree_of, longest_step, stable
+from basset.spectrum import STAYS
 from basset.streaming import Plan, State
 
 
@@ -168,7 +169,7 @@ class _Grid(Method):
         felt, one, past = task.coefficient.copy(), np.ones(1), np.zeros((members, 1))
         m = events.Motion(
             partial(filled, task.free), *events.plain(task.events), np.zeros(1), task.memory, task.coefficient, felt, one, np.zeros(1), past, np.zeros(members),
-            np.zeros(15), task.held, -math.inf, math.inf, task.end - task.start, np.zeros((8, n)),
+            np.zeros(15), task.held, -math.inf, math.inf, task.end - task.start, STAYS, np.zeros((9, n)),
         )  # fmt: skip
         return m, events.events_of(task.events, n, 1)
 

@@ -19,7 +19,7 @@ from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
-from basset.spectrum import ratio_at
+from basset.spectrum import Following, clock_of, followed
 
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
@@ -44,29 +44,6 @@ class Equation(NamedTuple):
     moved: int = 0
     idle: int = 0
     alike: int = 1
-
-
-class Following(NamedTuple):
-    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: a kernel that stays.
-
-    C = ½√π (U/f)³ scale^(3/2), f = 0.75 + c2 U reynolds, U being the slip between `least` and `most`. `local` is what the local history of a unit
-    step falls short of Basset's, on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular
-    and of a singular step, halfway between those of a singular one.
-    """
-
-    c1: float
-    c2: float
-    reynolds: float
-    scale: float
-    least: float
-    most: float
-    log_rates: Floats
-    low: float
-    inverse_step: float
-    values: Floats
-    local: Floats
-    local_low: float
-    local_inverse: float
 
 
 class Problem(NamedTuple):
@@ -525,9 +502,9 @@ def exceed(p, states, i: int, place: float, which: int, h: float, kind: int, pas
     clock = clock_of(following, where, states, i)
     if clock == -math.inf:
         return  # Basset's kernel
-    log_rates, tables, local, rows = following.log_rates, following.values, following.local, following.values.shape[0]
-    for q in range(len(log_rates)):
-        share = past[q] * (ratio_at(following.low, following.inverse_step, tables, min(q, rows - 1), log_rates[q] - clock) - 1.0)
+    local = following.local
+    for q in range(len(following.log_rates)):
+        share = past[q] * (followed(following, q, clock) - 1.0)
         for a in range(members):
             rates[i, where[a]] -= strength[a] * share * memory[a, q]
     if kind == 1:
@@ -550,19 +527,6 @@ def exceed(p, states, i: int, place: float, which: int, h: float, kind: int, pas
             part = weight * local[which, cell + m, i, k]
             for a in range(members):
                 rates[i, where[a]] += strength[a] * part * values[k, where[a]]
-
-
-@shared
-def clock_of(following: Following, where: Any, states: Floats, i: int) -> float:
-    """Ln C^(2/3) at row i of `states`; −∞ for C = 0."""
-    speed = 0.0
-    for a in range(len(where)):
-        speed += states[i, where[a]] ** 2
-    speed = min(max(math.sqrt(speed), following.least), following.most)
-    if speed == 0.0:
-        return -math.inf
-    clock = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(following.scale)
-    return clock + 2.0 * math.log(speed / (0.75 + following.c2 * speed * following.reynolds))
 
 
 @shared
