@@ -468,8 +468,9 @@ class Placed:
     def __init__(self, parts: Any) -> None:
         import numpy as np
 
-        self._given, self._kind = parts, None
-        self._words = np.array([word for part in parts for word in _words(part)], dtype=np.int64)
+        words: list[int] = []
+        self._given, self.kind = parts, _lay_out(parts, words)  # hashable: by it the compiler's type is found again
+        self._words = np.array(words, dtype=np.int64)
         self.address: int = self._words.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
@@ -486,20 +487,26 @@ def placed(parts: Any) -> Any:
 when_loaded(lambda numba: importlib.import_module("basset._places"))
 
 
-def _words(part: Any) -> list[int]:
-    """What lies in memory for a number, an array, None or a tuple of such, in words."""
+def _lay_out(part: Any, words: list[int]) -> Any:
+    """Append what lies in memory for a number, an array, None or a tuple of such; what kind it is."""
     if isinstance(part, Placed):
-        return [part.address]
+        words.append(part.address)
+        return part.kind, Placed
     if isinstance(part, tuple):
-        return [word for inner in part for word in _words(inner)]
+        return (type(part), *[_lay_out(inner, words) for inner in part])
     if isinstance(part, float):
-        return [int.from_bytes(struct.pack("d", part), sys.byteorder, signed=True)]
+        words.append(int.from_bytes(struct.pack("d", part), sys.byteorder, signed=True))
+        return float
     if part is None:
-        return [0]
+        words.append(0)
+        return None
     if isinstance(part, int) and not isinstance(part, bool):
-        return [part]
+        words.append(part)
+        return int
     if getattr(part, "ndim", 0):
-        return [0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides]
+        words += (0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides)
+        flags = part.flags
+        return part.dtype, part.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable
     raise TypeError(f"compiled code reads floats, integers, arrays and tuples of them, got {part!r}")
 
 
@@ -645,77 +652,69 @@ def _pointer() -> Any:
     return pointer
 
 
-@contextlib.contextmanager
-def c_function(function: Any, args: tuple[Any, ...], states: int, number: bool = False) -> Iterator[Entry]:
-    """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`.
+def c_function(function: Any, args: tuple[Any, ...], states: int, number: bool = False) -> tuple[Entry, Any]:
+    """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`; and what must be kept alive meanwhile.
 
     Floats and arrays (C order) among `args` are data, read at every call where a table says that they lie: new ones compile
     nothing. What else there is is frozen into the function and must be hashable.
     """
+    import numpy as np
+
     kinds = tuple(
         (value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if isinstance(value, float) else (None, value, type(value)) for value in args
     )
-    idle = _idle(function, kinds, states, number)
-    try:
-        made, table = idle.pop()  # nobody else's meanwhile: a solve within a solve, or in another thread, makes its own
-    except IndexError:
-        made, table = _c_function(function, kinds, states, number)
-    for k, (kind, value) in enumerate(zip(kinds, args, strict=True)):
-        if kind is _FLOAT:
-            table.view("float64")[k] = value
-        elif kind[0] is not None:
+    table = np.zeros(len(kinds) + states, dtype=np.int64)  # and room for the states, which the function may write into
+    tabulate(table, args)
+    return Entry(_c_function(function, kinds, states, number).address, table.ctypes.data), (table, args)
+
+
+def tabulate(table: Any, args: tuple[Any, ...]) -> None:
+    """Tell a function that was made by `c_function` what its arguments are; arrays must be kept alive."""
+    for k, value in enumerate(args):
+        if hasattr(value, "ctypes"):
             table[k] = value.ctypes.data
-    try:
-        yield Entry(made.address, 0)
-    finally:
-        idle.append((made, table))
+        elif isinstance(value, float):
+            table.view("float64")[k] = value
 
 
 _FLOAT = ("a float",)
 
 
 @lru_cache(maxsize=64)
-def _idle(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> list[tuple[Any, Any]]:
-    """C functions of one kind and their tables that nobody uses now."""
-    return []
-
-
-def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> tuple[Any, Any]:
+def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> Any:
     import numpy as np
 
     numba = compiler()
-    array, real = numba.carray, np.float64
-    table = np.zeros(len(kinds) + 1 + states, dtype=np.int64)
-    scratch, pointer = table.ctypes.data + 8 * (len(kinds) + 1), _pointer()
-    given = shared(lambda: ())
+    array, real, pointer = numba.carray, np.float64, _pointer()
+    given, scratch = shared(lambda data: ()), 8 * len(kinds)
     for k, kind in enumerate(kinds):
-        given = _appended(given, kind, table.ctypes.data + 8 * k, array, pointer, np.int64)
+        given = _appended(given, kind, k, array, pointer, np.int64)
 
     def vector(t, y, out, own, data):
-        copied = array(pointer(scratch), (states,), real)  # which the function may write into
+        copied = array(pointer(data + scratch), (states,), real)
         for a in range(states):
             copied[a], out[a] = y[a], np.nan  # NaN: what it leaves if it raises
-        rates = function(t, copied, *given())
+        rates = function(t, copied, *given(data))
         for a in range(states):
             out[a] = rates[a]
 
     def scalar(t, y, out, own, data):
         out[0] = np.nan
-        out[0] = function(t, array(y, (states,)), *given())
+        out[0] = function(t, array(y, (states,)), *given(data))
 
     place = numba.types.CPointer(numba.types.float64)
     form = numba.types.void(numba.types.float64, place, place, place, numba.types.int64)
-    return numba.cfunc(form)(scalar if number else vector), table
+    return numba.cfunc(form)(scalar if number else vector)
 
 
-def _appended(given: Any, kind: tuple[Any, ...], place: int, array: Any, pointer: Any, integer: Any) -> Any:
-    """`given` and one more value, as a function that compiled code inlines."""
+def _appended(given: Any, kind: tuple[Any, ...], k: int, array: Any, pointer: Any, integer: Any) -> Any:
+    """`given` and one more value, as a function of the table's address that compiled code inlines."""
     if kind is _FLOAT:
-        return shared(lambda: (*given(), load(place, 0)))
+        return shared(lambda data: (*given(data), load(data, k)))
     shape, value = kind[:2]
     if shape is None:
-        return shared(lambda: (*given(), value))
-    return shared(lambda: (*given(), array(pointer(array(pointer(place), (1,), integer)[0]), shape, value)))
+        return shared(lambda data: (*given(data), value))
+    return shared(lambda data: (*given(data), array(pointer(array(pointer(data + 8 * k), (1,), integer)[0]), shape, value)))
 
 
 class Callbacks:

@@ -23,17 +23,16 @@ class Place(types.Type):  # type: ignore[misc]  # the base is numba's
         self.kind = kind
         super().__init__(f"Place.{kind.instance_class.__name__}.{hashlib.sha256(str(kind).encode()).hexdigest()[:16]}")
 
-    @property
-    def key(self) -> Any:
-        """What makes it another type."""
-        return self.kind
+
+KNOWN: dict[Any, Place] = {}
 
 
 @typeof_impl.register(Placed)
 def _typeof(value: Placed, context: Any) -> Place:
-    if value._kind is None:
-        value._kind = Place(typeof_impl(value._given, context))
-    return value._kind
+    found = KNOWN.get(value.kind)
+    if found is None:
+        found = KNOWN[value.kind] = Place(typeof_impl(value._given, context))
+    return found
 
 
 @register_model(Place)

@@ -236,7 +236,7 @@ class Engine:
         d, tables, model = self.dimensions, self.tables, self.model
         equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
         room = stepper.room(tables.count, self.states, diagonal=True)
-        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, tables.odd(), state, values, self.following, self.cut, room))
+        parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.cut, room))
         whole = placed(flight.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
         attempt, kept = self.attempt(parts)
         accept, cut = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.cut_entry))

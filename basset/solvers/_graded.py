@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -121,6 +120,8 @@ class Integration:
         self.room = stepper.room(count, n)
         self.values, self.record = np.zeros((count, n)), self._record(64)
         self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
+        self.calls, self.arguments = Callbacks(), []
+        self._prepare()
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
         """What the march calls, beside what it is about."""
@@ -157,31 +158,37 @@ class Integration:
 
     def run(self) -> None:
         """March to the end, or to what stops before."""
-        task = self.task
-        n, calls = len(task.y0), Callbacks()
-        with ExitStack() as stack:
-
-            def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
-                if is_compiled(function) and task.data is not None:
-                    try:
-                        return stack.enter_context(c_function(function, task.data, n, number))
-                    except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
-                        if function is task.function:
-                            raise
-                return calls.entry(checked, n, results)
-
-            if is_compiled(task.function):
-                task.rate(task.start, task.y0)  # shape and type are checked here: compiled code does not
-                stack.callback(self._count)
-            functions = [self._checked(event, entry(event.function, event.value, 1, True)) for event in task.events]
-            jumps = [entry(event.jump, event.after, n) for event in task.events]
-            self.free = self._motion(entry(task.function, task.free, n), functions, jumps)
-            self.sliding = self._motion(calls.entry(self._rate, n, n), [], [])
-            self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
-            while self._advance(calls):
+        if is_compiled(self.task.function):
+            self.task.rate(self.task.start, self.task.y0)  # shape and type are checked here: compiled code does not
+        try:
+            while self._advance():
                 pass
+        finally:
+            if is_compiled(self.task.function):
+                self.task.nfev += int(self.state.numbers[stepper.CALLS])
 
-    def _advance(self, calls: Callbacks) -> bool:
+    def _prepare(self) -> None:
+        """Make what the march calls."""
+        task, n = self.task, len(self.task.y0)
+
+        def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
+            if is_compiled(function) and task.data is not None:
+                try:
+                    made, kept = c_function(function, task.data, n, number)
+                    self.arguments.append(kept)
+                    return made
+                except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
+                    if function is task.function:
+                        raise
+            return self.calls.entry(checked, n, results)
+
+        functions = [self._checked(event, entry(event.function, event.value, 1, True)) for event in task.events]
+        jumps = [entry(event.jump, event.after, n) for event in task.events]
+        self.free = self._motion(entry(task.function, task.free, n), functions, jumps)
+        self.sliding = self._motion(self.calls.entry(self._rate, n, n), [], [])
+        self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
+
+    def _advance(self) -> bool:
         """March on until something has to be done, and do it; False at the end."""
         if self.bound is None:
             self.bound = self._bind()
@@ -196,8 +203,8 @@ class Integration:
         self._keep(done)
         if self.surfaces and code == stepper.FULL and done:
             self._fit()
-        if calls.raised is not None:
-            raise calls.raised
+        if self.calls.raised is not None:
+            raise self.calls.raised
         if code == stepper.TABLE:
             self.tables.fill(self.odd, self.state.numbers)
         elif code == stepper.END:
@@ -222,7 +229,7 @@ class Integration:
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
         equation = stepper.Equation(m.fun, m.own, m.held)
         tables = self.tables
-        parts = placed(stepper.Parts(equation, problem, tables.nodes, tables.tables, self.odd, self.state, self.values, self.following, self.cut, room))
+        parts = placed(stepper.Parts(equation, problem, *tables.placed, self.odd, tables.unit, self.state, self.values, self.following, self.cut, room))
         solve, first = stepper.fully_entry(parts)
         attempt, second = stepper.attempt_entry(stepper.Attempt(parts, solve))
         watch, third = attempt, None
@@ -265,10 +272,6 @@ class Integration:
                 elif surface is not None:
                     self._leave(surface)
         return code, done
-
-    def _count(self) -> None:
-        """Add what compiled code has evaluated."""
-        self.task.nfev += int(self.state.numbers[stepper.CALLS])
 
     def _set_surfaces(self, surfaces: list[_sliding.Surface]) -> None:
         """The state slides along these from here."""
@@ -517,19 +520,19 @@ class Integration:
 
     def _keep(self, done: int) -> None:
         """Append recorded steps and events to the trace."""
-        trace, record = self.trace, self.record
-        ends = [*record.start[1:done].tolist(), float(self.state.numbers[stepper.TIME])]
-        after = [*record.y[1:done].copy(), self.state.y.copy()]
-        for k in range(done):
-            share, leapt = float(record.share[k]), bool(record.leapt[k])
-            if share > 0.0:  # else a contact that left no flight
-                piece = self._piece(float(record.start[k]), float(record.size[k]), bool(record.kind[k]), record.y[k].copy(), record.values[k].copy())
-                trace.pieces.append(piece if share == 1.0 else _shortened(piece, share))
-                trace.times.append(ends[k])
-                trace.states.append(record.before[k].copy() if leapt else after[k])
-            if leapt:
-                trace.times.append(ends[k])
-                trace.states.append(record.after[k].copy())
+        trace, record, state = self.trace, self.record, self.state
+        flown = np.flatnonzero(record.share[:done] > 0.0)  # the others are contacts that left no flight
+        leapt = np.flatnonzero(record.leapt[:done])
+        ends = np.append(record.start[1:done], state.numbers[stepper.TIME])
+        reached = np.concatenate([record.y[1:done], state.y[None]])
+        reached[leapt] = record.before[leapt]
+        order = np.concatenate([2 * flown, 2 * leapt + 1]).argsort(kind="stable")
+        trace.times.extend(np.concatenate([ends[flown], ends[leapt]])[order].tolist())
+        trace.states.extend(np.concatenate([reached[flown], record.after[leapt]])[order])
+        start, size, y, values = record.start[:done].tolist(), record.size[:done].tolist(), record.y[:done].copy(), record.values[:done].copy()
+        for k in flown.tolist():
+            piece, share = self._piece(start[k], size[k], record.kind[k] == 1.0, y[k], values[k]), float(record.share[k])
+            trace.pieces.append(piece if share == 1.0 else _shortened(piece, share))
         trace.steps += done
         events.take_log(self.events, self.task.events)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
+from basset._compile import placed
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, gauss_legendre
 from basset.solvers import stepper
@@ -165,16 +166,22 @@ class StepTables:
         self.count, self.tail, self.kernel, self.floor, self.span = count, tail, kernel, floor, span
         self.nodes = nodes_of(count)
         self.tables = self._empty(math.ceil(stepper.LADDER * math.log2(span / floor)) + 1)
+        self.placed = placed(self.nodes), placed(self.tables)
+        self.unit = stepper.Unit(np.zeros(0), np.zeros((0, count, count)), np.zeros((0, count)))
+        if isinstance(kernel, BassetKernel):
+            local, between = np.array(local_history(count, kernel)), history_between(count, kernel).copy()
+            self.unit = stepper.Unit(np.array(tail.weights) if tail is not None else np.zeros(0), local, between)
 
-    def _empty(self, rungs: int) -> stepper.Tables:
+    def _empty(self, rungs: int, moments: bool = True) -> stepper.Tables:
         count, terms = self.count, len(self.tail) if self.tail else 0
-        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (terms,), (2, count, terms), (2, count, count), (count,)]
+        kept = terms if moments else 0
+        shapes: list[tuple[int, ...]] = [(2,), (2, count, terms), (kept,), (2, count, kept), (2, count, count), (count,)]
         shapes += [(count, terms), (count, count), (count,)]
         return stepper.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
 
     def odd(self) -> stepper.Tables:
         """Room for one step size that is on no rung: whoever marches needs his own."""
-        return self._empty(1)
+        return self._empty(1, moments=False)
 
     def fill(self, odd: stepper.Tables, numbers: Floats) -> None:
         """Make the tables that the stepper asks for; on a rung whoever does so finds the same."""
@@ -183,12 +190,23 @@ class StepTables:
         slot = max(0, slot)
         if self.tail is not None:
             past, decay, gained, local, *singular = step_tables(self.count, self.tail, self.kernel, h, bool(kind))
-            tables.past[slot, kind], tables.decay[slot], tables.moments[slot, kind], tables.local[slot, kind] = past, decay, gained, local
+            tables.past[slot, kind], tables.local[slot, kind] = past, local
+            if tables is not odd:
+                tables.decay[slot], tables.moments[slot, kind] = decay, gained
             if kind:
                 tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
         if tables is odd:
             tables.sizes[slot] = 0.0  # of the other kind there is a part of another size
-        tables.sizes[slot, kind] = h
+        tables.sizes[slot, kind] = h  # last: it says that the rest is there
+
+    def fill_all(self) -> None:
+        """Make the tables of all rungs: then any number of threads march without coming back for one."""
+        numbers = stepper.start_numbers(0.0, 0.0, False)
+        for slot in range(len(self.tables.sizes)):
+            for kind in range(2):
+                if self.tables.sizes[slot, kind] == 0.0:
+                    numbers[stepper.STEP], numbers[stepper.SLOT], numbers[stepper.SINGULAR] = self.span * 2.0 ** (-slot / stepper.LADDER), slot, kind
+                    self.fill(self.tables, numbers)
 
 
 @lru_cache(maxsize=16)

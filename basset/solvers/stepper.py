@@ -96,6 +96,16 @@ class Tables(NamedTuple):
     between_kernel: Floats  # (rung, place)
 
 
+class Unit(NamedTuple):
+    """What the tables of a step size on no rung are made of, for a kernel s^(-1/2): weights of the sum, histories within a unit step as in `Tables`,
+    by kind; nothing for other kernels, whose caller makes the tables.
+    """
+
+    weights: Floats
+    local: Floats  # (kind, stage, node)
+    between: Floats  # (place, node)
+
+
 class State(NamedTuple):
     """What changes: states and their rates at the end of the step before (n,), exponentials (memory, terms), newest jump
     (memory,), Jacobian (n, n) or its diagonal (1, n), and numbers.
@@ -150,7 +160,8 @@ class Parts(NamedTuple):
     problem: Problem
     nodes: Nodes
     tables: Tables
-    odd: Tables  # of the size that is on no rung
+    odd: Tables  # of the size that is on no rung, without moments and decay
+    unit: Unit
     state: State
     values: Floats  # (stage, state): node values of the step that was found
     following: Following
@@ -395,7 +406,27 @@ def choose(p) -> int:
     if (h < problem.floor and left > problem.floor) or slot >= rungs:
         return TOO_SMALL
     numbers[STEP], numbers[SLOT] = h, slot
+    if slot < 0 and len(p.unit.local) > 0 and p.odd.sizes[0, kind] != h:
+        make_odd(p, h, kind)
     return ACCEPTED if chosen(p).sizes[max(0, slot), kind] == h else TABLE
+
+
+@separate
+def make_odd(p, h: float, kind: int) -> None:
+    """The tables of a step size on no rung."""
+    tables, unit, rates, nodes, root = p.odd, p.unit, p.cut.rates, p.nodes, math.sqrt(h)
+    weights, between, count = unit.weights, nodes.between, len(nodes.c)
+    for i in range(count):
+        tables.kernel[0, i], tables.between_kernel[0, i] = 1.0 / math.sqrt(nodes.c[i] * h), 1.0 / (between[i] * root)
+        for q in range(len(weights)):
+            tables.past[0, kind, i, q] = weights[q] * math.exp(-rates[q] * nodes.c[i] * h)
+            if kind == 1:
+                tables.between_past[0, i, q] = weights[q] * math.exp(-rates[q] * between[i] * between[i] * h)
+        for k in range(count):
+            tables.local[0, kind, i, k] = unit.local[kind, i, k] * (1.0 / root if kind == 1 else root)
+            tables.between_local[0, i, k] = unit.between[i, k] / root
+    tables.sizes[0, 0] = tables.sizes[0, 1] = 0.0
+    tables.sizes[0, kind] = h
 
 
 @shared
@@ -425,9 +456,11 @@ def accept(p) -> None:
     problem, nodes, tables, state, values, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.state.numbers
     count, n = len(values), len(state.y)
     h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
-    where, memory, jumps, moments, decay = problem.where, state.past, state.jump, tables.moments, tables.decay[slot]
-    for a in range(len(where)):
-        past, jump, place = memory[a], 0.0, where[a]
+    where, memory, jumps, moments, decays = problem.where, state.past, state.jump, tables.moments, tables.decay
+    if numbers[SLOT] < 0.0:
+        cut_memory(where, nodes, p.cut, state, h, 1.0, kind, values)
+    for a in range(len(where) if numbers[SLOT] >= 0.0 else 0):
+        past, jump, place, decay = memory[a], 0.0, where[a], decays[slot]
         if kind == 1:
             jump, jumps[a] = jumps[a], 0.0
         for q in range(len(past)):

@@ -79,7 +79,8 @@ def test_against_product_integration(kernel, start):
 def test_the_error_asked_for_is_kept(start, rtol):
     times = np.geomspace(1e-3, END, 30)
     exact, found = (
-        basset.solve(rate, (0.0, END), [start], coefficient=STRENGTH, kernel=KERNEL, method=basset.Collocation(rtol=r), t_eval=times).y[0] for r in (1e-10, rtol)
+        basset.solve(rate, (0.0, END), [start], coefficient=STRENGTH, kernel=KERNEL, method=basset.Collocation(rtol=r), t_eval=times).y[0]
+        for r in (1e-10, rtol)
     )
     assert np.abs(found - exact).max() < 2.0 * rtol * np.abs(exact).max()
 
@@ -122,7 +123,8 @@ def test_bouncing():
         return [y[1], -WEIGHT - 0.1 * y[1]]
 
     loose, tight = (
-        basset.solve(fall, (0.0, 6.0), [1.0, 0.0], memory=[1], coefficient=0.3, kernel=KERNEL, events=floor, method=basset.Collocation(rtol=r)) for r in (1e-5, 1e-9)
+        basset.solve(fall, (0.0, 6.0), [1.0, 0.0], memory=[1], coefficient=0.3, kernel=KERNEL, events=floor, method=basset.Collocation(rtol=r))
+        for r in (1e-5, 1e-9)
     )
     assert len(tight.t_events[0]) > 3
     assert np.abs(loose.t_events[0][:4] - tight.t_events[0][:4]).max() < 5e-5
