@@ -652,20 +652,19 @@ def _pointer() -> Any:
     return pointer
 
 
-def c_function(function: Any, args: tuple[Any, ...], states: int, number: bool = False) -> tuple[Entry, Any]:
-    """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`; and what must be kept alive meanwhile.
+def c_function(function: Any, args: tuple[Any, ...], table: Any, number: bool = False) -> Entry:
+    """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`.
 
-    Floats and arrays (C order) among `args` are data, read at every call where a table says that they lie: new ones compile
-    nothing. What else there is is frozen into the function and must be hashable.
+    Floats and arrays (C order) among `args` are data, read at every call where the table says that they lie: new ones compile
+    nothing. What else there is is frozen into the function and must be hashable. `table` (args + states,), in words, has room for the
+    states too, which the function may write into. Somebody else keeps it and the arrays alive.
     """
-    import numpy as np
-
     kinds = tuple(
         (value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if isinstance(value, float) else (None, value, type(value)) for value in args
     )
-    table = np.zeros(len(kinds) + states, dtype=np.int64)  # and room for the states, which the function may write into
+    made = _c_function(function, kinds, len(table) - len(args), number)
     tabulate(table, args)
-    return Entry(_c_function(function, kinds, states, number).address, table.ctypes.data), (table, args)
+    return Entry(made.address, table.ctypes.data)
 
 
 def tabulate(table: Any, args: tuple[Any, ...]) -> None:

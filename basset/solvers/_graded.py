@@ -42,6 +42,17 @@ def _shortened(piece: Piece, share: float) -> Piece:
     return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share))
 
 
+def nodes(record: stepper.Record, first: int, last: int, time: float, y: Floats) -> tuple[Floats, Floats]:
+    """Times and states (time, state) at the ends of recorded steps, the last at `time`; where the state jumped, before and after."""
+    flown = np.flatnonzero(record.share[first:last] > 0.0)
+    leapt = np.flatnonzero(record.leapt[first:last])
+    ends = np.append(record.start[first + 1 : last], time)
+    reached = np.concatenate([record.y[first + 1 : last], y[None]])
+    reached[leapt] = record.before[first:last][leapt]
+    order = np.concatenate([2 * flown, 2 * leapt + 1]).argsort(kind="stable")
+    return np.concatenate([ends[flown], ends[leapt]])[order], np.concatenate([reached[flown], record.after[first:last][leapt]])[order]
+
+
 class TooFastError(Exception):
     """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
 
@@ -72,8 +83,7 @@ class Integration:
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
         self.stages = stages_of(count)
         self.varying = task.kernel if isinstance(task.kernel, VaryingSlipKernel) else None
-        # the slip that such a kernel follows is that of all members
-        self.active = active = task.coefficient > 0.0 if self.varying is None else np.repeat((task.coefficient > 0.0).any(), len(task.memory))
+        self.active = active = self._active(task)
         self.kernel = task.kernel if self.varying is None else BassetKernel()
         span = task.end - task.start
         limit = min(method.max_step or span, span)
@@ -94,8 +104,7 @@ class Integration:
         n, m = len(task.y0), int(active.sum())
         numbers = stepper.start_numbers(task.start, min(limit, span / 64.0), self.remembers)
         self.state = stepper.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
-        fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * span  # a slip fades within 1/(πc²)
-        self.depth = max(depth, int(any(event.jump is not None for event in task.events) or fading > 1e5))
+        self.depth = max(depth, self._least_depth(task))
         closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
             self.depth += 1
@@ -118,9 +127,9 @@ class Integration:
         rates = np.array(self.tail.rates) if self.tail is not None else np.empty(0)
         self.cut = stepper.Cut(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
         self.room = stepper.room(count, n)
-        self.values, self.record = np.zeros((count, n)), self._record(64)
+        self.values, self.record = np.zeros((count, n)), self.record_of(64)
         self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
-        self.calls, self.arguments = Callbacks(), []
+        self.calls = Callbacks()
         self._prepare()
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
@@ -132,6 +141,19 @@ class Integration:
             weights, rates, state.past, state.jump, state.numbers, task.held, problem.first, problem.last, problem.span, self.following,
             np.zeros((9, len(state.y))),
         )  # fmt: skip
+
+    def _active(self, task: Task) -> Any:
+        """Which members feel a history; a kernel that follows the slip needs all of them."""
+        return task.coefficient > 0.0 if self.varying is None else np.repeat((task.coefficient > 0.0).any(), len(task.memory))
+
+    def _least_depth(self, task: Task) -> int:
+        """The least depth for jumps, or for a slip that fades within 1/(πc²)."""
+        fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * (task.end - task.start)
+        return int(any(event.jump is not None for event in task.events) or fading > 1e5)
+
+    def serves(self, task: Task) -> bool:
+        """Whether another task that differs by numbers alone can be marched with what was made for this one."""
+        return self._least_depth(task) == self.depth and bool((self._active(task) == self.active).all())
 
     @property
     def _deepens(self) -> bool:
@@ -170,13 +192,13 @@ class Integration:
     def _prepare(self) -> None:
         """Make what the march calls."""
         task, n = self.task, len(self.task.y0)
+        self.arguments = np.zeros((1 + 2 * len(task.events), len(task.data or ()) + n), dtype=np.int64)  # of each function, where they lie
+        tables = iter(self.arguments)
 
         def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
             if is_compiled(function) and task.data is not None:
                 try:
-                    made, kept = c_function(function, task.data, n, number)
-                    self.arguments.append(kept)
-                    return made
+                    return c_function(function, task.data, next(tables), number)
                 except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
                     if function is task.function:
                         raise
@@ -191,7 +213,7 @@ class Integration:
     def _advance(self) -> bool:
         """March on until something has to be done, and do it; False at the end."""
         if self.bound is None:
-            self.bound = self._bind()
+            self.bound = self.bind()
         if self.surfaces:
             calls_before = float(self.state.numbers[stepper.CALLS])  # the task counts by itself
             try:
@@ -223,7 +245,7 @@ class Integration:
             raise SolverError(self._reason(code))
         return True
 
-    def _bind(self) -> tuple[Any, ...]:
+    def bind(self) -> tuple[Any, ...]:
         """The parts of a step, and the arguments of the march, for the running stretch."""
         problem, found, room = self.problem, self.events, self.room
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
@@ -513,7 +535,8 @@ class Integration:
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
 
-    def _record(self, steps: int) -> stepper.Record:
+    def record_of(self, steps: int) -> stepper.Record:
+        """Room for so many steps."""
         n = len(self.state.y)
         shapes: list[Any] = [steps, steps, steps, steps, (steps, n), (steps, self.count, n), steps, (steps, n), (steps, n)]
         return stepper.Record(*(np.zeros(shape) for shape in shapes))
@@ -521,20 +544,23 @@ class Integration:
     def _keep(self, done: int) -> None:
         """Append recorded steps and events to the trace."""
         trace, record, state = self.trace, self.record, self.state
-        flown = np.flatnonzero(record.share[:done] > 0.0)  # the others are contacts that left no flight
-        leapt = np.flatnonzero(record.leapt[:done])
-        ends = np.append(record.start[1:done], state.numbers[stepper.TIME])
-        reached = np.concatenate([record.y[1:done], state.y[None]])
-        reached[leapt] = record.before[leapt]
-        order = np.concatenate([2 * flown, 2 * leapt + 1]).argsort(kind="stable")
-        trace.times.extend(np.concatenate([ends[flown], ends[leapt]])[order].tolist())
-        trace.states.extend(np.concatenate([reached[flown], record.after[leapt]])[order])
-        start, size, y, values = record.start[:done].tolist(), record.size[:done].tolist(), record.y[:done].copy(), record.values[:done].copy()
-        for k in flown.tolist():
-            piece, share = self._piece(start[k], size[k], record.kind[k] == 1.0, y[k], values[k]), float(record.share[k])
-            trace.pieces.append(piece if share == 1.0 else _shortened(piece, share))
+        times, states = nodes(record, 0, done, float(state.numbers[stepper.TIME]), state.y)
+        trace.times.extend(times.tolist())
+        trace.states.extend(states)
+        trace.pieces.extend(self.pieces(0, done))
         trace.steps += done
         events.take_log(self.events, self.task.events)
+
+    def pieces(self, first: int, last: int) -> list[Piece]:
+        """The solution on recorded steps, but those that are contacts which left no flight."""
+        record = self.record
+        start, size, y, values = (array[first:last].copy() for array in (record.start, record.size, record.y, record.values))
+        found = []
+        for k, share in enumerate(record.share[first:last].tolist()):
+            if share > 0.0:
+                piece = self._piece(float(start[k]), float(size[k]), record.kind[first + k] == 1.0, y[k], values[k])
+                found.append(piece if share == 1.0 else _shortened(piece, share))
+        return found
 
     def _piece(self, start: float, h: float, singular: bool, y: Floats, values: Floats) -> Piece:
         stages = self.stages

@@ -201,12 +201,12 @@ class StepTables:
 
     def fill_all(self) -> None:
         """Make the tables of all rungs: then any number of threads march without coming back for one."""
-        numbers = stepper.start_numbers(0.0, 0.0, False)
+        numbers, odd = stepper.start_numbers(0.0, 0.0, False), self.odd()
         for slot in range(len(self.tables.sizes)):
             for kind in range(2):
                 if self.tables.sizes[slot, kind] == 0.0:
                     numbers[stepper.STEP], numbers[stepper.SLOT], numbers[stepper.SINGULAR] = self.span * 2.0 ** (-slot / stepper.LADDER), slot, kind
-                    self.fill(self.tables, numbers)
+                    self.fill(odd, numbers)
 
 
 @lru_cache(maxsize=16)

@@ -166,7 +166,7 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """Whether the span was solved, or left by an event."""
+        """Whether the span was solved, or left by an event; of many systems, of each."""
         return self.status >= 0
 
 
@@ -342,6 +342,7 @@ def solve(
     dense_output: bool = False,
     max_steps: int = 1_000_000,
     breaks: ArrayLike = (),
+    workers: int = 1,
 ) -> Solution:
     """Solve y' = fun(t, y) − coefficient·H[y], the history acting on the components in `memory`.
 
@@ -353,18 +354,20 @@ def solve(
         fun(t, y, *args) -> rates (n_states,) without the history.
     t_span : (float, float), seconds
         Start and end, rising.
-    y0 : array_like (n_states,), units of the states
-        State at the start. The components in `memory` are slips: velocities relative to the fluid.
+    y0 : array_like (n_states,) or (n_states, n_systems), units of the states
+        State at the start. The components in `memory` are slips: velocities relative to the fluid. A column for each of many
+        independent systems: each goes on its own steps, to the bits of a solution on its own.
     memory : sequence of int, one per member
         Which components remember and feel −coefficient·H of themselves.
-    coefficient : float or array_like (members,), s^(-1/2)
+    coefficient : float or array_like (members,) or (members, n_systems), s^(-1/2)
         0 or greater.
     kernel : Kernel or VaryingSlipKernel
         What is remembered. With a VaryingSlipKernel all members are one slip, whose size the kernel follows (Collocation only, slip_at="t").
-    initial_slip : array_like (members,) or None, units of the states
+    initial_slip : array_like (members,) or (members, n_systems) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
-        Further arguments of fun, events and jumps; for a compiled fun numbers, arrays, and lists that become arrays.
+        Further arguments of fun, events and jumps; for a compiled fun numbers, arrays, and lists that become arrays. With many
+        systems an array whose last axis has n_systems entries is shared out: each system gets its own.
     method : Method or None
         Collocation(rtol=1e-6) by default; FixedStep(dt, rule); RungeKutta4(dt, rule).
     t_eval : array_like (n_times,) or None, seconds
@@ -382,10 +385,14 @@ def solve(
         at each, the next one starts anew with the rate after it. `fun` is never asked at a break itself but a few units in the
         last place before it, and after it. A pulse that may be narrower than a step has to be named here. Fixed steps take
         breaks that lie on their nodes.
+    workers : int
+        Threads for many systems. With compiled functions (numba.njit) they run side by side, otherwise one after the other.
 
     Returns
     -------
     Solution
+        For many systems every field has a last axis more, or is a list where they differ in length: y (n_states, n_times,
+        n_systems) with `t_eval`, NaN behind a system's own end; otherwise lists of t and y; t_events[event][system]; status (n_systems,).
 
     Raises
     ------
@@ -434,13 +441,42 @@ def solve(
         raise TypeError(f"method must be a method such as basset.Collocation(rtol=1e-6), got {_validate.shown(method)}")
     if not callable(fun):
         raise TypeError(f"fun must be callable as fun(t, y), got {_validate.shown(fun)}")
-    task = _task(fun, t_span, y0, memory, coefficient, kernel, initial_slip, args, events, max_steps, breaks)
+    workers, many = _validate.integer("workers", workers, 1), np.ndim(y0) == 2
+    given: list[Any] = [y0, initial_slip, coefficient]
+    if many:
+        given = _columns(*given)
+    first = [value[:, 0] if many and np.ndim(value) == 2 else value for value in given]
+    task = _task(fun, t_span, first[0], memory, first[2], kernel, first[1], args, events, max_steps, breaks)
     if isinstance(kernel, VaryingSlipKernel):
         if not method._follows_slip:
             raise ValueError(f"a VaryingSlipKernel needs method=Collocation(...), got {method!r}")
         if kernel.slip_at != "t":
             raise ValueError(f'the VaryingSlipKernel of solve must have slip_at="t", got "{kernel.slip_at}"')
     wanted = _wanted(t_eval, task)
+    if many:
+        from basset.solvers._many import columns_of, solve_many  # loads the compiler
+
+        return solve_many(columns_of(task, *given), method, workers, dense_output, wanted)
+    return settled(task, method, dense_output, wanted)
+
+
+def _columns(y0: ArrayLike, initial_slip: ArrayLike | None, coefficient: ArrayLike) -> list[Any]:
+    """What may have a column per system, checked as a whole; a single column, as _task looks at, stands for all."""
+    found: list[Any] = []
+    for name, value in (("y0", y0), ("initial_slip", initial_slip), ("coefficient", coefficient)):
+        array = None if value is None else _converted(name, value).astype(np.float64)
+        found.append(array)
+        if array is None or array.ndim < 2:
+            continue
+        if array.ndim > 2 or array.shape[1] != found[0].shape[1] or not array.size:
+            raise ValueError(f"{name} must have a row per component and a column for each of the systems of y0, got shape {array.shape}")
+        if not np.isfinite(array).all() or (name == "coefficient" and (array < 0.0).any()):
+            raise ValueError(f"{name} must be finite{' and 0 or greater' if name == 'coefficient' else ''} in all columns, got {_validate.shown(value)}")
+    return found
+
+
+def settled(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
+    """The solution of one system."""
     trace = Trace([task.start], [task.y0.copy()], [])
     try:
         method._integrate(task, trace)

@@ -688,6 +688,18 @@ def plain(specified: Any) -> tuple[list[Any], list[Any]]:
     return [partial(filled, event.value) for event in specified], [partial(filled, event.after) for event in specified]
 
 
+@shared
+def forget(events: Events) -> None:
+    """Nothing has happened; the log stays."""
+    for k in range(len(events.side)):
+        events.number[k], events.last[k], events.side[k], events.noise[k], events.reach[k], events.again[k] = 0, -math.inf, 0.0, 0.0, 0.0, 0.0
+        events.fresh[k] = events.bounced[k] = events.resting[k] = events.candidate[k] = False
+        for a in range(events.hit.shape[1]):
+            events.hit[k, a] = 0.0
+    events.count[0] = events.trouble[0] = events.trouble[1] = 0
+    events.trouble_at[0] = 0.0
+
+
 def take_log(found: Events, specified: Any) -> None:
     """Move what has happened into the lists of the events."""
     for i in range(int(found.logged[0])):
