@@ -5,6 +5,8 @@ VERSION := $(shell $(PYTHON) -c 'import platform; print(platform.python_version(
 READY := .venv/.ready-$(VERSION)
 DEV := .venv/.dev-$(VERSION)
 # --no-compile: what is imported is compiled then; all of it would take two thirds of the installation
+# a container may forbid bytecode; without it every process compiles the sources of all that it imports, which takes five seconds
+export PYTHONDONTWRITEBYTECODE :=
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint requirements.lock
 
 .PHONY: report report-full test test-latest regress sweep lint lock api clean

@@ -3,7 +3,14 @@
 A test that needs more or fewer takes a share: `@settings(max_examples=10 * settings().max_examples)`.
 """
 
+import os
+import sys
+
 from hypothesis import settings
+
+# a hundred processes are started here: where bytecode is not kept, each of them compiles the sources of pandas, SciPy and numba anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 settings.register_profile("repeatable", max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("sweep", max_examples=1000, deadline=None)
