@@ -40,13 +40,13 @@ report-full: $(READY) .venv/.peers  ## everything, with longer runs and the peer
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
-test: $(DEV)  ## on all cores
-	$(BIN)/python -m pytest -n auto
+test: $(DEV)  ## on all cores, a module's tests on one of them unless another one is idle
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 test-latest:  ## the same with the newest of every dependency instead of the locked ones
 	$(PYTHON) -m venv --clear .venv-latest
 	.venv-latest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -e '.[dev]'
-	.venv-latest/bin/python -m pytest -n auto
+	.venv-latest/bin/python -m pytest -n auto --dist worksteal
 
 regress: $(DEV)  ## against analytic solutions alone
 	$(BIN)/python -m pytest -n auto -m analytic tests

@@ -15,3 +15,8 @@ sys.dont_write_bytecode = False
 settings.register_profile("repeatable", max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("sweep", max_examples=1000, deadline=None)
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(items):
+    """The simulator's tests first: they are the longest, and what they compile is not what the others compile."""
+    items.sort(key=lambda item: "saltation" not in item.nodeid)

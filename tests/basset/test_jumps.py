@@ -335,10 +335,10 @@ class TestAKinkBetweenNodes:
             plan.jump(state, delta, share * DT, after)
         H = [plan.value(state), *plan.run(state, np.full(WINDOW - 2, rates[-1]))]
         expected = history((node + np.arange(WINDOW - 1)) * DT, [(0.0, (node - shares[0]) * DT, np.ones(1))], window=window_of(stream))
-        for k, exact in enumerate(expected):  # in lags: times of bounces close to the node would lose their digits
+        for k, before in enumerate(expected):  # in lags: times of bounces close to the node would lose their digits
             lags = (k + shares) * DT
             edges = np.sqrt(np.append(lags, 0.0))
-            exact += np.sum(2.0 * (edges[:-1] - edges[1:]) * rates) + np.sum(jumps / np.sqrt(lags))
+            exact = before + np.sum(2.0 * (edges[:-1] - edges[1:]) * rates) + np.sum(jumps / np.sqrt(lags))
             # bounces with a fresh tail state each: their rounding may add up
             assert abs(H[k] - exact) <= (1e-12 + stream.rtol) * 20.0, k
 
