@@ -228,7 +228,9 @@ def command(folder: Path, seeds: Iterable[int]) -> list[str]:
 def stopped(folder: Path, seeds: Iterable[int], how: str, least: int, wait: float = 0.0) -> tuple[int, str]:
     """Exit status and stderr of the command, stopped when there are so many results; no process stays behind."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what starts in the background ignores interrupts, and so does what it starts
     with subprocess.Popen(command(folder, seeds), env=ENVIRONMENT, start_new_session=True, **pipes) as process:
+        signal.signal(signal.SIGINT, before)
         while process.poll() is None and results(folder) < least:
             time.sleep(0.01)
         time.sleep(wait)
