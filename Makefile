@@ -11,18 +11,24 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-c
 
 .PHONY: report report-full test test-latest regress sweep lint lock api clean
 
+define VENV
+$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
+@echo "installing into .venv, with the versions of requirements.lock, for Python $(VERSION)"
+$(PYTHON) -m venv --clear .venv
+endef
+
 $(READY): requirements.lock pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
-	@echo "installing into .venv, with the versions of requirements.lock, for Python $(VERSION)"
-	$(PYTHON) -m venv --clear .venv
+	$(VENV)
 	$(PIP) setuptools
 	$(PIP) --no-build-isolation -e .
 	touch $@
 
-$(DEV): $(READY)
-	@echo "installing what the tests need"
-	$(PIP) --no-build-isolation -e '.[dev]'
-	touch $@
+# the lock names all that the tests need: nothing is left to be resolved
+$(DEV): $(wildcard $(READY)) requirements.lock pyproject.toml
+	$(if $(wildcard $(READY)),@echo "installing what the tests need",$(VENV))
+	$(PIP) --no-deps -r requirements.lock
+	$(PIP) --no-deps --no-build-isolation -e .
+	touch $(if $(wildcard $(READY)),,$(READY)) $@
 
 .venv/.peers: $(READY)
 	-$(PIP) --no-build-isolation -e '.[peers]'
