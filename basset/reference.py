@@ -270,7 +270,8 @@ def _bend(kernel: MeiAdrianKernel) -> Any:
     return mpmath.sqrt(mpmath.pi) / 2 * (slip / friction / mpmath.sqrt(viscosity)) ** 3
 
 
-def _panel_moments(k: int, degree: int, kernel: Kernel) -> list[Any]:
+@lru_cache(maxsize=4096)  # the same for rates and slips
+def _panel_moments(k: int, degree: int, kernel: Kernel, precision: int) -> list[Any]:
     """∫_k^{k+1} K(s) (s−k)^m ds, m = 0 … degree, in the current mpmath precision."""
     if isinstance(kernel, BassetKernel):
         low, high = mpmath.sqrt(k), mpmath.sqrt(k + 1)
@@ -342,7 +343,7 @@ def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel 
             touched = [i for i in range(degree + 1) if start + i in wanted]
             if not touched:
                 continue
-            moments = _panel_moments(k, degree, kernel)
+            moments = _panel_moments(k, degree, kernel, mpmath.mp.prec)
             for i in touched:
                 polynomial, divisor = _lagrange(degree, start - k, i)  # in s − k
                 if input == "slip":

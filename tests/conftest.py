@@ -3,6 +3,7 @@
 A test that needs more or fewer takes a share: `@settings(max_examples=10 * settings().max_examples)`.
 """
 
+import gc
 import os
 import sys
 
@@ -20,3 +21,9 @@ settings.load_profile("repeatable")
 def pytest_collection_modifyitems(items):
     """The simulator's tests first: they are the longest, and what they compile is not what the others compile."""
     items.sort(key=lambda item: "saltation" not in item.nodeid)
+
+
+def pytest_collection_finish():
+    """Fifteen thousand tests stay to the end: the collector of garbage need not look through them again and again."""
+    gc.collect()
+    gc.freeze()
