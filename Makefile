@@ -5,22 +5,30 @@ VERSION := $(shell $(PYTHON) -c 'import platform; print(platform.python_version(
 READY := .venv/.ready-$(VERSION)
 DEV := .venv/.dev-$(VERSION)
 # --no-compile: what is imported is compiled then; all of it would take two thirds of the installation
+# a container may forbid bytecode; without it every process compiles the sources of all that it imports, which takes five seconds
+export PYTHONDONTWRITEBYTECODE :=
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint requirements.lock
 
 .PHONY: report report-full test test-latest regress sweep lint lock api clean
 
+define VENV
+$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
+@echo "installing into .venv, with the versions of requirements.lock, for Python $(VERSION)"
+$(PYTHON) -m venv --clear .venv
+endef
+
 $(READY): requirements.lock pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d" % sys.version_info[:2])'
-	@echo "installing into .venv, with the versions of requirements.lock, for Python $(VERSION)"
-	$(PYTHON) -m venv --clear .venv
+	$(VENV)
 	$(PIP) setuptools
 	$(PIP) --no-build-isolation -e .
 	touch $@
 
-$(DEV): $(READY)
-	@echo "installing what the tests need"
-	$(PIP) --no-build-isolation -e '.[dev]'
-	touch $@
+# the lock names all that the tests need: nothing is left to be resolved
+$(DEV): $(wildcard $(READY)) requirements.lock pyproject.toml
+	$(if $(wildcard $(READY)),@echo "installing what the tests need",$(VENV))
+	$(PIP) --no-deps -r requirements.lock
+	$(PIP) --no-deps --no-build-isolation -e .
+	touch $(if $(wildcard $(READY)),,$(READY)) $@
 
 .venv/.peers: $(READY)
 	-$(PIP) --no-build-isolation -e '.[peers]'
@@ -38,13 +46,13 @@ report-full: $(READY) .venv/.peers  ## everything, with longer runs and the peer
 	$(BIN)/python -m bench --full
 	$(BIN)/python -m reports.build
 
-test: $(DEV)  ## on all cores
-	$(BIN)/python -m pytest -n auto
+test: $(DEV)  ## on all cores, a module's tests on one of them unless another one is idle
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 test-latest:  ## the same with the newest of every dependency instead of the locked ones
 	$(PYTHON) -m venv --clear .venv-latest
 	.venv-latest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -e '.[dev]'
-	.venv-latest/bin/python -m pytest -n auto
+	.venv-latest/bin/python -m pytest -n auto --dist worksteal
 
 regress: $(DEV)  ## against analytic solutions alone
 	$(BIN)/python -m pytest -n auto -m analytic tests

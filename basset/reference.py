@@ -7,9 +7,10 @@ needs a special one. `product_weights` gives exact weights of product integratio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import mpmath
@@ -269,18 +270,31 @@ def _bend(kernel: MeiAdrianKernel) -> Any:
     return mpmath.sqrt(mpmath.pi) / 2 * (slip / friction / mpmath.sqrt(viscosity)) ** 3
 
 
-def _panel_moments(k: int, degree: int, kernel: Kernel) -> list[Any]:
+@lru_cache(maxsize=4096)  # the same for rates and slips
+def _panel_moments(k: int, degree: int, kernel: Kernel, precision: int) -> list[Any]:
     """∫_k^{k+1} K(s) (s−k)^m ds, m = 0 … degree, in the current mpmath precision."""
     if isinstance(kernel, BassetKernel):
-        half = mpmath.mpf(1) / 2
-        raw = [((k + 1) ** (m + half) - mpmath.mpf(k) ** (m + half)) / (m + half) for m in range(degree + 1)]
-        return [sum(mpmath.binomial(m, i) * (-k) ** (m - i) * raw[i] for i in range(m + 1)) for m in range(degree + 1)]
+        low, high = mpmath.sqrt(k), mpmath.sqrt(k + 1)
+        raw = [2 * (high * (k + 1) ** m - low * k**m) / (2 * m + 1) for m in range(degree + 1)]
+        return [sum(math.comb(m, i) * (-k) ** (m - i) * raw[i] for i in range(m + 1)) for m in range(degree + 1)]
     points = [mpmath.mpf(k), mpmath.mpf(k + 1)]
     if k == 0 and isinstance(kernel, MeiAdrianKernel):  # follow the bend; the algebraic end is left to tanh-sinh
         turn = _bend(kernel) ** (-mpmath.mpf(2) / 3) if kernel.slip else mpmath.mpf(1)
         inner = (turn * mpmath.mpf(10) ** e for e in range(-6, 7, 2))
         points = [mpmath.mpf(0), *(x for x in inner if x < 1), mpmath.mpf(1)]
-    return [mpmath.quad(lambda s, m=m: _value(s, kernel) * (s - k) ** m, points) for m in range(degree + 1)]
+    value = lru_cache(maxsize=None)(lambda s: _value(s, kernel))  # every moment asks for it at the same places
+    return [mpmath.quad(lambda s, m=m: value(s) * (s - k) ** m, points) for m in range(degree + 1)]
+
+
+@lru_cache(maxsize=1024)
+def _lagrange(degree: int, first: int, i: int) -> tuple[list[int], int]:
+    """Whole coefficients, lowest first, and the divisor of the polynomial that is 1 at `first` + i, 0 at the other nodes of `first` to `first` + degree."""
+    polynomial, divisor = [1], 1
+    for m in (m for m in range(degree + 1) if m != i):
+        shifted = [0, *polynomial]
+        polynomial = [shifted[q] - (first + m) * (polynomial[q] if q < len(polynomial) else 0) for q in range(len(shifted))]
+        divisor *= i - m
+    return polynomial, divisor
 
 
 def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40) -> list[Any]:
@@ -329,16 +343,12 @@ def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel 
             touched = [i for i in range(degree + 1) if start + i in wanted]
             if not touched:
                 continue
-            moments = _panel_moments(k, degree, kernel)
+            moments = _panel_moments(k, degree, kernel, mpmath.mp.prec)
             for i in touched:
-                polynomial = [mpmath.mpf(1)]  # coefficients in s − k of the Lagrange basis, lowest first
-                for m in (m for m in range(degree + 1) if m != i):
-                    shift, scale = mpmath.mpf(k - start - m), mpmath.mpf(i - m)
-                    shifted = [mpmath.mpf(0), *polynomial]
-                    polynomial = [((shift * polynomial[q] if q < len(polynomial) else 0) + shifted[q]) / scale for q in range(len(shifted))]
+                polynomial, divisor = _lagrange(degree, start - k, i)  # in s − k
                 if input == "slip":
                     polynomial = [-m * c for m, c in enumerate(polynomial)][1:]
-                wanted[start + i] += sum(c * moment for c, moment in zip(polynomial, moments, strict=False))
+                wanted[start + i] += sum(c * moment for c, moment in zip(polynomial, moments, strict=False)) / divisor
         if input == "slip" and n in wanted:
             wanted[n] += _value(mpmath.mpf(n), kernel)
         return [+wanted[int(j)] for j in indices]

@@ -3,8 +3,27 @@
 A test that needs more or fewer takes a share: `@settings(max_examples=10 * settings().max_examples)`.
 """
 
+import gc
+import os
+import sys
+
 from hypothesis import settings
+
+# a hundred processes are started here: where bytecode is not kept, each of them compiles the sources of pandas, SciPy and numba anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 settings.register_profile("repeatable", max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("sweep", max_examples=1000, deadline=None)
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(items):
+    """The simulator's tests first: they are the longest, and what they compile is not what the others compile."""
+    items.sort(key=lambda item: "saltation" not in item.nodeid)
+
+
+def pytest_collection_finish():
+    """Fifteen thousand tests stay to the end: the collector of garbage need not look through them again and again."""
+    gc.collect()
+    gc.freeze()

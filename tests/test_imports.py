@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,13 @@ PACKAGES = ("basset", "saltation", "bench", "reports")  # each may import itself
 MODULES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 
-def imported(path: Path) -> Iterator[str]:
+@cache
+def imported(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, at the top or inside a function, relative ones made absolute."""
+    return tuple(found(path))
+
+
+def found(path: Path) -> Iterator[str]:
     parts = path.relative_to(ROOT).with_suffix("").parts
     package = parts[:-1]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -61,7 +67,7 @@ def test_relative_imports_are_seen(tmp_path, monkeypatch):
     path.write_text(
         "import a.b\nfrom c import d\nfrom . import e\nfrom .f import g\nfrom .. import h\ndef i():\n    import j\n    importlib.import_module('k')\n"
     )
-    assert list(imported(path)) == ["a.b", "c", "basset.quadrature", "basset.quadrature.f", "basset", "j", "k"]
+    assert list(found(path)) == ["a.b", "c", "basset.quadrature", "basset.quadrature.f", "basset", "j", "k"]
 
 
 def test_no_module_is_named_like_a_public_function():

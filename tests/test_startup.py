@@ -70,7 +70,7 @@ CASES = {
 
 def loaded(words: str, forbidden: tuple[str, ...], root: Path = ROOT) -> list[str]:
     """What of the forbidden a fresh process loads, and who asks for it."""
-    variables = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
+    variables = os.environ | {"PYTHONPATH": str(root)}
     command = [sys.executable, "-c", WATCH, ",".join(forbidden), *(words.split("|") if "|" in words else words.split())]
     done = subprocess.run(command, cwd=root, env=variables, capture_output=True, encoding="utf-8", timeout=300, check=False)
     assert done.returncode == 0, done.stderr

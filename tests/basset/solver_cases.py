@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,14 @@ import basset
 from basset import reference
 
 RTOLS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+
+
+def _kept(function: Callable[[float], Any]) -> Callable[[float], float]:
+    """A force that solvers ask for again and again at the same times: stages that converge, the same steps in another run."""
+    return lru_cache(maxsize=100_000)(lambda t: float(function(t)))
+
+
+SINE, COSINE, POWER = _kept(reference.sine), _kept(reference.cosine), _kept(lambda t: reference.power(t, 5.0))
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ def smooth(rate: float, c: float, end: float) -> Case:
     """y = cos t without memory of the start."""
 
     def fun(t, y):
-        return -math.sin(t) + rate * (math.cos(t) - y) - c * float(reference.sine(t))
+        return -math.sin(t) + rate * (math.cos(t) - y) - c * SINE(t)
 
     return Case(fun, end, [1.0], lambda t: np.cos(t)[None], {"coefficient": c, "initial_slip": [0.0]})
 
@@ -98,7 +106,7 @@ def flat(rate: float, c: float, end: float) -> Case:
     """y = t⁶: the history is smooth at the start as well, to t^5.5."""
 
     def fun(t, y):
-        return 6.0 * t**5 + rate * (t**6 - y) + 6.0 * c * float(reference.power(t, 5.0))
+        return 6.0 * t**5 + rate * (t**6 - y) + 6.0 * c * POWER(t)
 
     return Case(fun, end, [0.0], lambda t: (t**6)[None], {"coefficient": c})
 
@@ -109,8 +117,8 @@ def coupled(end: float) -> Case:
 
     def fun(t, y):
         pull = y[0] * y[2] - math.cos(t) * math.sin(t) + (y[1] - 1.0 - math.sin(t)) ** 2
-        first = -math.sin(t) - pull - c[0] * float(reference.sine(t))
-        return [first, y[0], math.cos(t) - pull - (y[2] - math.sin(t)) + c[1] * float(reference.cosine(t))]
+        first = -math.sin(t) - pull - c[0] * SINE(t)
+        return [first, y[0], math.cos(t) - pull - (y[2] - math.sin(t)) + c[1] * COSINE(t)]
 
     def exact(t: np.ndarray) -> np.ndarray:
         return np.array([np.cos(t), 1.0 + np.sin(t), np.sin(t)])

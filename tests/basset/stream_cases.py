@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from rule_cases import KERNELS
 
 import basset
@@ -94,20 +95,24 @@ Rate = np.ndarray | Callable[[np.ndarray], np.ndarray]
 NODES, SHARES = np.polynomial.legendre.leggauss(24)
 
 
-def history(t: float, pieces: Iterable[tuple[float, float, Rate]], jumps: Iterable[tuple[float, float]] = (), window: float = np.inf) -> float:
+def history(t: ArrayLike, pieces: Iterable[tuple[float, float, Rate]], jumps: Iterable[tuple[float, float]] = (), window: float = np.inf) -> np.ndarray:
     """Exact H(t) for the standard kernel: polynomial rates on [a, b], jumps (time, size). What is older than the window is left out.
 
     In σ = √(t − τ) everything is a polynomial, which Gauss–Legendre integrates to rounding. Rates are coefficients in τ, lowest
     first, or functions of τ.
     """
-    total = 0.0
+    t = np.asarray(t, dtype=np.float64)
+    total = np.zeros(t.shape)
     for a, b, rate in pieces:
-        low, high = min(b, t), max(a, t - window)
-        if low > high:
-            near, far = np.sqrt(t - low), np.sqrt(t - high)
-            times = t - (0.5 * (near + far) + 0.5 * (far - near) * NODES) ** 2
-            total += (far - near) * SHARES @ (rate(times) if callable(rate) else np.polynomial.polynomial.polyval(times, rate))
-    return total + sum(size / np.sqrt(t - time) for time, size in jumps if 0.0 < t - time <= window * (1.0 + 1e-9))
+        low, high = np.minimum(b, t), np.maximum(a, t - window)
+        on = low > high
+        near, far = np.sqrt(t[on] - low[on])[:, None], np.sqrt(t[on] - high[on])[:, None]
+        times = t[on][:, None] - (0.5 * (near + far) + 0.5 * (far - near) * NODES) ** 2
+        total[on] += (far - near)[:, 0] * ((rate(times) if callable(rate) else np.polynomial.polynomial.polyval(times, rate)) @ SHARES)
+    for time, size in jumps:
+        on = (t > time) & (t - time <= window * (1.0 + 1e-9))
+        total[on] += size / np.sqrt(t[on] - time)
+    return total[()]
 
 
 def same(first: State, second: State) -> bool:

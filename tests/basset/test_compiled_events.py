@@ -1,7 +1,7 @@
 """Compiled `fun`, event functions and jumps: what Python ones give, to rounding, and no Python between start and end."""
 
 import math
-from functools import partial
+from functools import cache, partial
 
 import numba
 import numpy as np
@@ -57,6 +57,9 @@ CASES = {
 }
 
 
+njit = cache(numba.njit)  # compiled once for all cases
+
+
 def solved(fun, events, c, made):
     listed = []
     for function, direction, jump, terminal in events:
@@ -73,7 +76,7 @@ def solved(fun, events, c, made):
 @pytest.mark.parametrize("name", CASES)
 def test_as_python_ones(name, c):
     fun, events = CASES[name]
-    one, other = (solved(fun, events, c, made) for made in (partial, numba.njit))
+    one, other = (solved(fun, events, c, made) for made in (partial, njit))
     assert (one.status, one.message, one.nsteps) == (other.status, other.message, other.nsteps)
     np.testing.assert_allclose(other.y, one.y, rtol=1e-12, atol=1e-12)
     for k in range(len(events)):
@@ -86,7 +89,7 @@ def test_no_python_between_start_and_end(monkeypatch):
     calls = []
     for name in ("value", "after"):
         monkeypatch.setattr(base.Event, name, lambda self, t, y, name=name, real=getattr(base.Event, name): calls.append(name) or real(self, t, y))
-    found = solved(*CASES["bounces to rest"], 0.3, numba.njit)
+    found = solved(*CASES["bounces to rest"], 0.3, njit)
     assert found.nfev > 1000
     assert len(found.t_events[0]) > 20
     assert calls == ["value"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ def relax(t, y, rate):
     return -rate * y
 
 
+@functools.cache  # compiled once for all tests
 def made(function):
     def factory(digest):
         def fun(t, y, *args):
@@ -38,15 +41,16 @@ def made(function):
 def test_compiled_and_python_agree(function, y0, memory, rtol):
     """The same loop and the same arithmetic: only rounding may differ."""
     options = {"memory": memory, "coefficient": 0.6, "args": (1.3,), "method": basset.Collocation(rtol=rtol)}
+    fun = made(function)
     plain = basset.solve(function, (0.0, 6.0), y0, **options)
-    compiled = basset.solve(made(function), (0.0, 6.0), y0, **options)
+    compiled = basset.solve(fun, (0.0, 6.0), y0, **options)
     assert plain.status == compiled.status == 0
     t = np.linspace(0.0, 6.0, 50)
     for solution in (plain, compiled):
         assert solution.t[-1] == 6.0
     ends = np.abs(plain.y[:, -1] - compiled.y[:, -1])
     assert ends.max() <= rtol * np.abs(plain.y).max()
-    again = basset.solve(made(function), (0.0, 6.0), y0, t_eval=t, **options)
+    again = basset.solve(fun, (0.0, 6.0), y0, t_eval=t, **options)
     assert np.abs(again.y[:, -1] - compiled.y[:, -1]).max() == 0.0
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stream_cases import DT, HORIZON, STREAMS, Stream, chosen, every_stream
 
-few = settings(deadline=None, derandomize=True, max_examples=15)
+pytestmark = pytest.mark.sweep
+few = settings(max_examples=max(1, settings().max_examples // 4))  # for each of forty streams
 lengths = st.integers(2, HORIZON)
 seeds = st.integers(0, 2**32 - 1)
 sizes = st.floats(-1e3, 1e3)
