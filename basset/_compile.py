@@ -151,7 +151,6 @@ def _kept(event: Any) -> Keeper | None:
 
 
 when_loaded(_announce)
-when_loaded(lambda numba: importlib.import_module("basset._places"))
 
 
 @contextlib.contextmanager
@@ -477,6 +476,9 @@ class Placed:
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self.parts, name)
+
+
+when_loaded(lambda numba: importlib.import_module("basset._places"))  # which imports from here: not before there is something
 
 
 def placed(parts: Any) -> Any:
