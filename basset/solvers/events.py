@@ -7,13 +7,16 @@ functions and jumps are called by `basset._compile.call`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import Entry, call, filled, overloads, separate, shared
+from basset._compile import Callbacks, Entry, c_function, call, filled, is_compiled, overloads, separate, shared
 from basset.kernels import Floats
+from basset.solvers.base import Task, returned
 
 CALLS, WHERE, WHAT = 7, 10, 11  # places in the march's numbers
 CLEAR = 64.0  # so many times its rounding an event function must be from zero to be on one side
@@ -674,6 +677,39 @@ def entries(functions: list[Any]) -> Any:
     if all(isinstance(function, Entry) for function in functions):
         return np.array(functions, dtype=np.int64).reshape(len(functions), 2)
     return functions
+
+
+@contextmanager
+def bound(task: Task) -> Iterator[tuple[Any, list[Any], list[Any], Callbacks]]:
+    """`fun`, event functions and jumps as something to `call`, C functions of compiled ones; and what keeps the errors of the others.
+
+    Compiled code does not look at what it is given: the shape of what compiled functions return is checked here. It counts its own
+    evaluations of `fun`.
+    """
+    n, calls = len(task.y0), Callbacks()
+    with ExitStack() as stack:
+
+        def entry_of(function: Any, checked: Any, results: int, number: bool = False) -> Any:
+            if is_compiled(function) and task.data is not None:
+                try:
+                    return stack.enter_context(c_function(function, task.data, n, number))
+                except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
+                    if function is task.function:
+                        raise
+            return calls.entry(checked, n, results)
+
+        for event in task.events:
+            if event.jump is not None and is_compiled(event.jump):
+                returned(f"jump of event {event.index} must return {n} states", event.jump(task.start, task.y0.copy(), *event.args), n)
+        functions = [entry_of(event.function, event.value, 1, True) for event in task.events]
+        yield entry_of(task.function, task.free, n), functions, [entry_of(event.jump, event.after, n) for event in task.events], calls
+
+
+def trouble(found: Events) -> str:
+    """What was not finite."""
+    kind, which, t = found.trouble[0], found.trouble[1], found.trouble_at[0]
+    what = {FUN_FAILED: "fun was not finite in component", EVENT_FAILED: "event", JUMP_FAILED: "jump of event"}[int(kind)]
+    return f"{what} {which} at t = {t:.6g}" if kind == FUN_FAILED else f"{what} {which} was not finite at t = {t:.6g}"
 
 
 def plain(specified: Any) -> tuple[list[Any], list[Any]]:
