@@ -365,7 +365,7 @@ def advance(parts, room, j):
         for b in range(len(e.where)):
             state.stored[b] = e.strength[b] * parts.stream.history[b]
     record.times[row] = grid.end if node == grid.count else grid.start + grid.dt * node
-    numbers[NODE], numbers[KNOWN] = node, min(int(numbers[KNOWN]) + 1, len(recent))
+    numbers[NODE], numbers[DONE], numbers[KNOWN] = node, row + 1, min(int(numbers[KNOWN]) + 1, len(recent))
 
 
 @separate
@@ -420,8 +420,7 @@ def _make_steps(digest: str) -> Callable[..., Any]:
                 if remembers and begins:
                     look_ahead(parts.stream, room.tail)
                 advance(parts, room, j)
-                row = int(numbers[DONE])
-                numbers[DONE] += 1.0
+                row = int(numbers[DONE]) - 1
                 if grid.limited == 1 and diverges(state, record.rates[row]):
                     return DIVERGED
                 if parts.looking == 1:
