@@ -25,14 +25,28 @@ class Place(types.Type):  # type: ignore[misc]  # the base is numba's
 
     @property
     def key(self) -> Any:
-        """What makes it another type."""
-        return self.kind
+        """What makes it another type: its name tells all that it holds, and is hashed at once."""
+        return self.name
+
+
+KINDS: dict[Any, Place] = {}  # to make a type of many takes a millisecond
+
+
+def _seen(part: Any) -> Any:
+    """What the type of a part depends on."""
+    if isinstance(part, tuple):
+        return type(part), *map(_seen, part)
+    if getattr(part, "ndim", 0):
+        flags = part.flags
+        return part.dtype, part.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+    return type(part)
 
 
 @typeof_impl.register(Placed)
 def _typeof(value: Placed, context: Any) -> Place:
     if value.kind is None:
-        value.kind = Place(typeof_impl(value.parts, context))
+        seen = _seen(value.parts)
+        value.kind = KINDS.get(seen) or KINDS.setdefault(seen, Place(typeof_impl(value.parts, context)))
     return value.kind
 
 

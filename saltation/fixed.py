@@ -151,7 +151,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     look, _look = look_entry(Look(engine.model, grain.bed, *limits, dt, steps, account, record))
     problem, nothing, room = engine.problem, np.zeros((0, 0)), _fixed.room(1, n, m)
     equation = _fixed.Equation(fun, grain.spin, problem.where, problem.strength, np.zeros(n, dtype=np.bool_), -math.inf, math.inf)
-    grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1, 0)
+    grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1)
     parts = placed(_fixed.Parts(equation, grid, _fixed.stream_of(plan, samples), steps, room, room, record, look, 1, np.zeros((1, 1))))
 
     def depart(anew: bool) -> None:

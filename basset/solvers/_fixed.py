@@ -26,8 +26,8 @@ HELD, RATES, SLIPS = range(3)  # the history of a step's beginning all through i
 UNSOLVED, DIVERGED = 30, 31  # why the loop came back, beside the codes of the march
 
 # places in State.numbers, beside those of events: nodes so far, rows of the record that are filled, rates of the running stretch (up to
-# as many as are kept), rates that alternated and grew in a row, rates looked at for that, whether Newton's matrix is known, whether the
-# caller has a jump to take
+# as many as are kept), rates that alternated and grew in a row, rates looked at for that, for how many steps Newton's matrix has served
+# (0: none is known), whether the caller has a jump to take
 NODE, DONE, KNOWN, GROWN, SEEN, MATRIX, LEAPT = range(7)
 
 
@@ -48,7 +48,7 @@ class Grid(NamedTuple):
 
     Weights of Adams and Moulton by degree, newest first; for the nodes of a fresh stretch that are solved together, in units of
     dt and √dt: ∫_0^i L_j and ∫_0^i K(i−s) L_j(s) ds, (node, sample), without rows if each step is taken alone. `limited`: too
-    long a step diverges. `anew`: Newton's matrix is that of each step, else kept while it serves.
+    long a step diverges.
     """
 
     start: float
@@ -60,7 +60,6 @@ class Grid(NamedTuple):
     plain: Floats
     history: Floats
     limited: int
-    anew: int
 
 
 class Stream(NamedTuple):
@@ -157,37 +156,47 @@ def evaluate(e, numbers, t, states, i, rates, k):
     return True
 
 
-@separate
-def residual(parts, room, unknown, left):
-    """What the equations of the coming nodes leave at `unknown`, into `left`; whether `fun` was finite."""
-    e, grid, state = parts.equation, parts.grid, parts.state
-    known, states, rates, ahead, inner = room.known, room.states, room.rates, room.ahead, room.inner
+@shared
+def set_states(kind, room, unknown):
+    """The states at the coming nodes."""
+    known, states, ahead = room.known, room.states, room.ahead
     count, n = states.shape
     for i in range(count):
         for a in range(n):
             total = unknown[i * n + a]
-            if grid.kind == RATES:
+            if kind == RATES:
                 total = known[i, a]
                 for j in range(count):
                     total += ahead[i, j] * unknown[j * n + a]
             states[i, a] = total
+
+
+@separate
+def residual(parts, room, unknown, left):
+    """What the equations of the coming nodes leave at `unknown`, into `left`; whether `fun` was finite."""
+    e, grid, state = parts.equation, parts.grid, parts.state
+    known, states, rates, ahead, inner, past = room.known, room.states, room.rates, room.ahead, room.inner, room.past
+    kind, where, strength, offset, stored = grid.kind, e.where, e.strength, state.offset, state.stored
+    count, n = states.shape
+    set_states(kind, room, unknown)
+    for i in range(count):
         if not evaluate(e, state.numbers, grid.start + grid.dt * (state.numbers[NODE] + 1.0 + i), states, i, rates, i):
             return False
     for i in range(count):
         for a in range(n):
             total = unknown[i * n + a]
-            if grid.kind == RATES:
+            if kind == RATES:
                 total -= rates[i, a]
             else:
                 total -= known[i, a]
                 for j in range(count):
                     total -= ahead[i, j] * rates[j, a]
             left[i * n + a] = total
-        for b in range(len(e.where)):
-            total, place = room.past[i, b], e.where[b]
+        for b in range(len(where)):
+            total, place = past[i, b], where[b]
             for j in range(count):
-                total += inner[i, j] * (unknown[j * n + place] - state.offset[b])
-            left[i * n + place] += e.strength[b] * total - state.stored[b]
+                total += inner[i, j] * (unknown[j * n + place] - offset[b])
+            left[i * n + place] += strength[b] * total - stored[b]
     return True
 
 
@@ -203,14 +212,18 @@ def largest(values):
 
 @separate
 def newton(parts, room):
-    """Find room.unknown, whose values are a guess, by Newton's method with a difference quotient that is kept while it converges: ACCEPTED or why not."""
-    numbers, x, left, shifted, other, matrix = parts.state.numbers, room.unknown, room.left, room.shifted, room.other, room.matrix
-    size = len(x)
+    """Find room.unknown, whose values are a guess, by Newton's method: ACCEPTED or why not.
+
+    Its matrix is a difference quotient, kept from step to step while it serves. Corrections that shrink by a share q leave q/(1 − q) of
+    the last one (Hairer & Wanner 1996, Solving Ordinary Differential Equations II, section IV.8).
+    """
+    numbers, kind, x, left, shifted, other, matrix = parts.state.numbers, parts.grid.kind, room.unknown, room.left, room.shifted, room.other, room.matrix
+    size, several, last = len(x), len(room.known) > 1, math.inf
+    if several:
+        numbers[MATRIX] = 0.0
     if not residual(parts, room, x, left):
         return NOT_FINITE
-    if parts.grid.anew == 1 or len(room.known) > 1:
-        numbers[MATRIX] = 0.0
-    for _ in range(50):
+    for correction in range(50):
         if numbers[MATRIX] == 0.0:
             for j in range(size):
                 copy(x, shifted)
@@ -220,26 +233,28 @@ def newton(parts, room):
                 for i in range(size):
                     matrix[i, j] = (other[i] - left[i]) / (shifted[j] - x[j])
             factor(matrix, room.order)
-            numbers[MATRIX] = 1.0
+            numbers[MATRIX], last = 1.0, math.inf
         before = largest(left)
         substitute(matrix, room.order, left)
         for i in range(size):
             x[i] -= left[i]
         change, whole = largest(left), max(1.0, largest(x))
-        if not residual(parts, room, x, left):
+        share = change / last if last < math.inf else 1.0
+        found = change <= 1e-14 * whole or (share < 1.0 and share * change <= 1e-14 * (1.0 - share) * whole)
+        if found and kind == RATES:
+            set_states(kind, room, x)
+        elif not residual(parts, room, x, left):
             return NOT_FINITE
         now = largest(left)
-        if change <= 1e-14 * whole or now <= 2.3e-16 * whole:
-            break
+        if found or now <= 2.3e-16 * whole or (not now <= 0.1 * before and change <= 1e-12 * whole):
+            numbers[MATRIX] += 1.0
+            if several or (correction > 1 and numbers[MATRIX] > size):  # of another equation than the next one's; old enough to be worth a new one
+                numbers[MATRIX] = 0.0
+            return ACCEPTED
         if not now <= 0.1 * before:
-            if change <= 1e-12 * whole:
-                break
             numbers[MATRIX] = 0.0
-    else:
-        return UNSOLVED
-    if len(room.known) > 1:
-        numbers[MATRIX] = 0.0  # the coming steps have another equation
-    return ACCEPTED
+        last = change
+    return UNSOLVED
 
 
 @shared
@@ -274,15 +289,19 @@ def accept_sample(stream, sample, tail):
 def one_node(parts, room):
     """The equation of the next node."""
     grid, state, stream = parts.grid, parts.state, parts.stream
-    recent, y = state.recent, state.y
-    degree = min(len(grid.weights) - 1, int(state.numbers[KNOWN]))
+    recent, y, known, unknown, dt, kind = state.recent, state.y, room.known, room.unknown, grid.dt, grid.kind
+    kept = int(state.numbers[KNOWN])
+    degree = min(len(grid.weights) - 1, kept)
     weights = grid.weights[degree]
     for a in range(len(y)):
-        total = 0.0
+        total, guess, binomial = 0.0, 0.0, float(kept)
         for k in range(degree):
             total += weights[k + 1] * recent[k, a]
-        room.known[0, a] = y[a] + grid.dt * total
-        room.unknown[a] = recent[0, a] if grid.kind == RATES else y[a]
+        for k in range(kept):  # the polynomial through all that are kept, one step on
+            guess += binomial * recent[k, a]
+            binomial *= -(kept - k - 1.0) / (k + 2.0)
+        known[0, a] = y[a] + dt * total
+        unknown[a] = guess if kind == RATES else y[a]
     room.ahead[0, 0] = grid.dt * weights[0]
     if len(room.tail) > 0:
         room.inner[0, 0] = local_of(stream)
@@ -346,26 +365,26 @@ def hold(parts, room):
 def advance(parts, room, j):
     """Go to node j of those that were solved: record, stream, the rates that are kept."""
     e, grid, state, record = parts.equation, parts.grid, parts.state, parts.record
-    y, recent, numbers, n = state.y, state.recent, state.numbers, len(state.y)
-    row, node = int(numbers[DONE]), int(numbers[NODE]) + 1
+    y, recent, numbers, n, kind, before = state.y, state.recent, state.numbers, len(state.y), grid.kind, state.before
+    states, unknown, functions, where, sample, dt = room.states, room.unknown, room.rates, e.where, room.sample, grid.dt
+    row, node, known = int(numbers[DONE]), int(numbers[NODE]) + 1, int(numbers[KNOWN])
     for a in range(n):
-        state.before[0, a], state.before[1, a] = y[a], recent[0, a]
-        new, found = room.states[j, a], room.unknown[j * n + a]
-        for k in range(min(int(numbers[KNOWN]), len(recent) - 1), 0, -1):
+        before[0, a], before[1, a] = y[a], recent[0, a]
+        new, found = states[j, a], unknown[j * n + a]
+        for k in range(min(known, len(recent) - 1), 0, -1):
             recent[k, a] = recent[k - 1, a]
-        recent[0, a] = room.rates[j, a] if grid.kind == SLIPS else found
-        record.rates[row, a] = (new - y[a]) / grid.dt if grid.kind == SLIPS else found  # for the dense output: fun lacks the history
+        recent[0, a] = functions[j, a] if kind == SLIPS else found
+        record.rates[row, a] = (new - y[a]) / dt if kind == SLIPS else found  # for the dense output: fun lacks the history
         record.states[row, a] = y[a] = new
-    for b in range(len(e.where)):
-        place = e.where[b]
-        room.sample[b] = y[place] - state.offset[b] if grid.kind == SLIPS else recent[0, place]
-    if len(e.where) > 0:
-        accept_sample(parts.stream, room.sample, room.tail)
-    if grid.kind == SLIPS:
-        for b in range(len(e.where)):
+    for b in range(len(where)):
+        sample[b] = y[where[b]] - state.offset[b] if kind == SLIPS else recent[0, where[b]]
+    if len(where) > 0:
+        accept_sample(parts.stream, sample, room.tail)
+    if kind == SLIPS:
+        for b in range(len(where)):
             state.stored[b] = e.strength[b] * parts.stream.history[b]
-    record.times[row] = grid.end if node == grid.count else grid.start + grid.dt * node
-    numbers[NODE], numbers[DONE], numbers[KNOWN] = node, row + 1, min(int(numbers[KNOWN]) + 1, len(recent))
+    record.times[row] = grid.end if node == grid.count else grid.start + dt * node
+    numbers[NODE], numbers[DONE], numbers[KNOWN] = node, row + 1, min(known + 1, len(recent))
 
 
 @separate
@@ -516,7 +535,7 @@ def weights_of(degree: int) -> Floats:
 def state_of(y: Floats, members: int, degree: int) -> State:
     """The start from `y`, of which it makes no copy."""
     n = len(y)
-    return State(y, np.zeros((degree, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros(15))
+    return State(y, np.zeros((degree + 1, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros(15))
 
 
 def room(nodes: int, n: int, members: int) -> Room:

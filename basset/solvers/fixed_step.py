@@ -103,6 +103,7 @@ class _March:
         self.felt = task.coefficient.copy()  # 0 for bodies at rest
         self.equation = _fixed.Equation(fun, np.zeros(1), task.memory, self.felt, task.held, -math.inf, math.inf)
         self.alone, self.signal = _fixed.room(1, n, members), np.zeros((1, 1))
+        self.placed: dict[tuple[int, float, float], Any] = {}  # by how many nodes are solved together at first, and the stretch
         self.record = _fixed.Record(np.empty(count), np.empty((count, n)), np.empty((count, n)))
 
     def run(self, functions: list[Any], jumps: list[Any], calls: Callbacks) -> None:
@@ -156,17 +157,19 @@ class _March:
 
     def _parts(self, stop: int) -> Any:
         """What the loop takes steps with up to that node."""
-        task, dt, state = self.task, self.dt, self.state
-        together = min(self.degree, stop - int(state.numbers[_fixed.NODE])) if self.kind != _fixed.HELD else 1
-        plain, history, several = np.zeros((0, 0)), np.zeros((0, 0)), self.alone
-        if together > 1 and state.numbers[_fixed.KNOWN] == 1.0:
-            plain, history = start_tables(together, task.kernel.scaled(dt))
-            several = _fixed.room(together, len(state.y), len(task.memory))
-        grid = _fixed.Grid(
-            task.start, task.end, dt, self.count, self.kind, _fixed.weights_of(self.degree), plain, history, int(self.limited), 1
-        )  # fmt: skip
-        stream = _fixed.stream_of(self.plan, self.samples)
-        return placed(_fixed.Parts(self.equation, grid, stream, state, self.alone, several, self.record, self.look, int(bool(task.events)), self.signal))
+        task, equation = self.task, self.equation
+        together = max(1, min(self.degree, stop - int(self.state.numbers[_fixed.NODE]))) if self.kind != _fixed.HELD else 1
+        key = together, equation.first, equation.last
+        if key not in self.placed:
+            plain, history, several = np.zeros((0, 0)), np.zeros((0, 0)), self.alone
+            if together > 1:
+                plain, history = start_tables(together, task.kernel.scaled(self.dt))
+                several = _fixed.room(together, len(task.y0), len(task.memory))
+            weights, limited, looking = _fixed.weights_of(self.degree), int(self.limited), int(bool(task.events))
+            grid = _fixed.Grid(task.start, task.end, self.dt, self.count, self.kind, weights, plain, history, limited)
+            stream = _fixed.stream_of(self.plan, self.samples)
+            self.placed[key] = placed(_fixed.Parts(equation, grid, stream, self.state, self.alone, several, self.record, self.look, looking, self.signal))
+        return self.placed[key]
 
     def _keep(self, first: int, y: Floats, rate: Floats) -> None:
         """Append what was recorded from node `first` on, with states y and rates there."""
