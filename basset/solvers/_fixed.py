@@ -44,7 +44,7 @@ class Equation(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """The nodes, start + k dt up to `end` as number `count`; the method.
+    """The nodes, start + k dt up to `end` as number `nodes`; the method.
 
     Weights of Adams and Moulton by degree, newest first; for the nodes of a fresh stretch that are solved together, in units of
     dt and √dt: ∫_0^i L_j and ∫_0^i K(i−s) L_j(s) ds, (node, sample), without rows if each step is taken alone. `limited`: too
@@ -54,7 +54,7 @@ class Grid(NamedTuple):
     start: float
     end: float
     dt: float
-    count: int
+    nodes: int
     kind: int
     weights: Floats
     plain: Floats
@@ -383,7 +383,7 @@ def advance(parts, room, j):
     if kind == SLIPS:
         for b in range(len(where)):
             state.stored[b] = e.strength[b] * parts.stream.history[b]
-    record.times[row] = grid.end if node == grid.count else grid.start + dt * node
+    record.times[row] = grid.end if node == grid.nodes else grid.start + dt * node
     numbers[NODE], numbers[DONE], numbers[KNOWN] = node, row + 1, min(known + 1, len(recent))
 
 

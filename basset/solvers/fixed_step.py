@@ -59,7 +59,10 @@ class _Grid(Method):
 
     dt: float
     rule: Rule
-    _kind: int
+
+    @property
+    def _kind(self) -> int:
+        return _fixed.HELD
 
     def _integrate(self, task: Task, trace: Trace) -> None:
         span = task.end - task.start
@@ -161,10 +164,8 @@ class _March:
         together = max(1, min(self.degree, stop - int(self.state.numbers[_fixed.NODE]))) if self.kind != _fixed.HELD else 1
         key = together, equation.first, equation.last
         if key not in self.placed:
-            plain, history, several = np.zeros((0, 0)), np.zeros((0, 0)), self.alone
-            if together > 1:
-                plain, history = start_tables(together, task.kernel.scaled(self.dt))
-                several = _fixed.room(together, len(task.y0), len(task.memory))
+            plain, history = start_tables(together, task.kernel.scaled(self.dt))
+            several = _fixed.room(together, len(task.y0), len(task.memory))
             weights, limited, looking = _fixed.weights_of(self.degree), int(self.limited), int(bool(task.events))
             grid = _fixed.Grid(task.start, task.end, self.dt, self.count, self.kind, weights, plain, history, limited)
             stream = _fixed.stream_of(self.plan, self.samples)
@@ -352,7 +353,6 @@ class RungeKutta4(_Grid):
     rule: Rule = field(default_factory=SemiDerivative)
 
     references: ClassVar[tuple[str, ...]] = ("Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513",)
-    _kind: ClassVar[int] = _fixed.HELD
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dt", _validate.positive("dt", self.dt, "seconds"))
