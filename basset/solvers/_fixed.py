@@ -240,7 +240,7 @@ def newton(parts, room):
             x[i] -= left[i]
         change, whole = largest(left), max(1.0, largest(x))
         share = change / last if last < math.inf else 1.0
-        found = change <= 1e-14 * whole or (share < 1.0 and share * change <= 1e-14 * (1.0 - share) * whole)
+        found = change <= 1e-14 * whole or (share < 1.0 and share * change <= 1e-16 * (1.0 - share) * whole)
         if found and kind == RATES:
             set_states(kind, room, x)
         elif not residual(parts, room, x, left):
