@@ -42,8 +42,8 @@ def slips() -> None:
 
 def python_functions() -> None:
     """Solvers of a fun in Python, with an event."""
-    solve(lambda t, y: -y, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4), dense_output=True, events=lambda t, y: y[0] - 0.5)
-    solve(lambda t, y: -y, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=FixedStep(0.1, Daitche(1)))
+    for method in (Collocation(rtol=1e-4), FixedStep(0.1, Daitche(1))):
+        solve(lambda t, y: -y, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=method, dense_output=True, events=lambda t, y: y[0] - 0.5)
 
 
 def compiled_functions() -> None:

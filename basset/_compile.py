@@ -484,7 +484,7 @@ def placed(parts: Any) -> Any:
     return Placed(parts) if jit() else parts
 
 
-when_loaded(lambda numba: importlib.import_module("basset._places"))
+when_loaded(lambda numba: importlib.import_module("basset._places"))  # which imports from here
 
 
 def _lay_out(part: Any, words: list[int]) -> Any:

@@ -142,6 +142,29 @@ def _make_peek(digest: str) -> Callable[..., Any]:
 peek = compiled(_make_peek)
 
 
+def _make_take(digest: str) -> Callable[..., Any]:
+    def take(samples, terms, future, n, node, rates, tail, local, history, slots, steady, loss, gain, entry):
+        """Accept one sample of every component after `peek` gave `tail`: H = tail + local·sample, without a sum over samples again."""
+        digest  # noqa: B018 - part of the cache key
+        position = n % slots
+        for c in range(len(samples)):
+            samples[c, position] = rates[c]
+            if samples.shape[1] > slots:
+                samples[c, position + slots] = rates[c]
+            if n == steady:
+                for i in range(terms.shape[1]):
+                    terms[c, i] += dot(entry[i], 0, samples[c], 0, entry.shape[1]) - loss[i] * terms[c, i]
+            else:
+                advance(terms[c], loss, gain, samples[c, position + 1] if n > steady else 0.0)
+            future[c, (node - 1) % future.shape[1]] = 0.0
+            history[c] = tail[c] + local * rates[c]
+
+    return take
+
+
+take = compiled(_make_take)
+
+
 def _make_follow(digest: str) -> Callable[..., Any]:
     def follow(terms, loss, gain, samples, history):
         """Add the exponentials' part at every node to `history`; samples (nodes, components): those that enter there."""

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from basset._compile import Callbacks, c_function, filled, invoke, is_compiled, placed
+from basset._compile import filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.finite_reynolds import VaryingSlipKernel
 from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
-from basset.solvers.base import Event, Piece, SolverError, Stretch, Task, Trace, returned, stretches
+from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, stretches
 from basset.spectrum import STAYS, clock_of, followed
 
 if TYPE_CHECKING:
@@ -129,8 +129,11 @@ class Integration:
         self.room = stepper.room(count, n)
         self.values, self.record = np.zeros((count, n)), self.record_of(64)
         self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
-        self.calls = Callbacks()
-        self._prepare()
+        made = events.bound(task)
+        self.calls, self.arguments = made.calls, made.arguments
+        self.free = self._motion(made.fun, made.functions, made.jumps)
+        self.sliding = self._motion(made.calls.entry(self._rate, n, n), [], [])
+        self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
         """What the march calls, beside what it is about."""
@@ -188,27 +191,6 @@ class Integration:
         finally:
             if is_compiled(self.task.function):
                 self.task.nfev += int(self.state.numbers[stepper.CALLS])
-
-    def _prepare(self) -> None:
-        """Make what the march calls."""
-        task, n = self.task, len(self.task.y0)
-        self.arguments = np.zeros((1 + 2 * len(task.events), len(task.data or ()) + n), dtype=np.int64)  # of each function, where they lie
-        tables = iter(self.arguments)
-
-        def entry(function: Any, checked: Any, results: int, number: bool = False) -> Any:
-            if is_compiled(function) and task.data is not None:
-                try:
-                    return c_function(function, task.data, next(tables), number)
-                except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
-                    if function is task.function:
-                        raise
-            return self.calls.entry(checked, n, results)
-
-        functions = [self._checked(event, entry(event.function, event.value, 1, True)) for event in task.events]
-        jumps = [entry(event.jump, event.after, n) for event in task.events]
-        self.free = self._motion(entry(task.function, task.free, n), functions, jumps)
-        self.sliding = self._motion(self.calls.entry(self._rate, n, n), [], [])
-        self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
 
     def _advance(self) -> bool:
         """March on until something has to be done, and do it; False at the end."""
@@ -298,16 +280,6 @@ class Integration:
     def _set_surfaces(self, surfaces: list[_sliding.Surface]) -> None:
         """The state slides along these from here."""
         self.surfaces, self.bound = surfaces, None
-
-    def _checked(self, event: Event, entry: Any) -> Any:
-        """The entry of an event function, which with its jump gives what it should: compiled code does not look."""
-        task = self.task
-        if is_compiled(event.function):
-            event.value(task.start, task.y0)
-        if event.jump is not None and is_compiled(event.jump):
-            n = len(task.y0)
-            returned(f"jump of event {event.index} must return {n} states", event.jump(task.start, task.y0.copy(), *event.args), n)
-        return entry
 
     def _rate(self, t: float, y: Floats) -> Floats:
         """The rate without history, on a surface that the state slides along a mean of both sides."""
@@ -524,11 +496,8 @@ class Integration:
         numbers, t = self.state.numbers, self.state.numbers[stepper.TIME]
         if code == stepper.TOO_MANY:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
-        if code == stepper.TROUBLE and self.events.trouble[0] != events.FUN_FAILED:
-            what = "event" if self.events.trouble[0] == events.EVENT_FAILED else "jump of event"
-            return f"{what} {self.events.trouble[1]} was not finite at t = {self.events.trouble_at[0]:.6g}"
         if code == stepper.TROUBLE:
-            return f"fun was not finite in component {self.events.trouble[1]} at t = {self.events.trouble_at[0]:.6g}"
+            return events.trouble(self.events)
         if code == stepper.NOT_FINITE:
             return f"fun was not finite in component {int(numbers[stepper.WHAT])} at t = {numbers[stepper.WHERE]:.6g}"
         if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):

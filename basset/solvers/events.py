@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import Entry, call, filled, overloads, separate, shared
+from basset._compile import Callbacks, Entry, c_function, call, filled, is_compiled, overloads, separate, shared
 from basset.kernels import Floats
+from basset.solvers.base import Task, returned
 from basset.spectrum import Following, clock_of, followed
 
 CALLS, WHERE, WHAT = 7, 10, 11  # places in the march's numbers
@@ -681,6 +682,51 @@ def entries(functions: list[Any]) -> Any:
     if all(isinstance(function, Entry) for function in functions):
         return np.array(functions, dtype=np.int64).reshape(len(functions), 2)
     return functions
+
+
+class Bound(NamedTuple):
+    """`fun`, event functions and jumps as something to `call`; what keeps the errors of plain ones; where the arguments of compiled ones lie."""
+
+    fun: Any
+    functions: list[Any]
+    jumps: list[Any]
+    calls: Callbacks
+    arguments: Any  # (function, argument + state), in words
+
+
+def bound(task: Task) -> Bound:
+    """What a task calls: C functions of compiled ones.
+
+    Compiled code does not look at what it is given: what compiled events and jumps return is checked here. It counts its own
+    evaluations of `fun`.
+    """
+    n, calls = len(task.y0), Callbacks()
+    arguments = np.zeros((1 + 2 * len(task.events), len(task.data or ()) + n), dtype=np.int64)
+    tables = iter(arguments)
+
+    def entry_of(function: Any, checked: Any, results: int, number: bool = False) -> Any:
+        if is_compiled(function) and task.data is not None:
+            try:
+                return c_function(function, task.data, next(tables), number)
+            except TypeError:  # an argument that is no data: a compiled fun cannot do without, events can
+                if function is task.function:
+                    raise
+        return calls.entry(checked, n, results)
+
+    for event in task.events:
+        if is_compiled(event.function):
+            event.value(task.start, task.y0)
+        if event.jump is not None and is_compiled(event.jump):
+            returned(f"jump of event {event.index} must return {n} states", event.jump(task.start, task.y0.copy(), *event.args), n)
+    functions = [entry_of(event.function, event.value, 1, True) for event in task.events]
+    return Bound(entry_of(task.function, task.free, n), functions, [entry_of(event.jump, event.after, n) for event in task.events], calls, arguments)
+
+
+def trouble(found: Events) -> str:
+    """What was not finite."""
+    kind, which, t = found.trouble[0], found.trouble[1], found.trouble_at[0]
+    what = {FUN_FAILED: "fun was not finite in component", EVENT_FAILED: "event", JUMP_FAILED: "jump of event"}[int(kind)]
+    return f"{what} {which} at t = {t:.6g}" if kind == FUN_FAILED else f"{what} {which} was not finite at t = {t:.6g}"
 
 
 def plain(specified: Any) -> tuple[list[Any], list[Any]]:

@@ -126,14 +126,3 @@ def stable(rule: Rule, dt: float, steps: int, jacobian: Floats, coefficient: Flo
         return False
     kept = whole - decay @ (whole - decay / 2.0 @ (whole - decay / 3.0 @ (whole - decay / 4.0)))
     return bool(np.linalg.eigvals(whole + share * kept + (1.0 + share) * history).real.min() > 0.0)
-
-
-def diverging(rates: Floats) -> bool:
-    """Whether somewhere along rates (steps, states) one alternates and grows too often in a row."""
-    if len(rates) < IN_A_ROW + 5:
-        return False
-    with np.errstate(over="ignore", invalid="ignore"):
-        parts = sum(w * rates[k : len(rates) - 4 + k] for k, w in enumerate(ALTERNATING))
-        grows = (parts[1:] * parts[:-1] < 0.0) & (np.abs(parts[1:]) >= np.abs(parts[:-1])) & (np.abs(parts[1:]) > SHARE * np.abs(rates[4:-1]))
-    row = np.cumsum(grows, axis=0)
-    return bool((row[IN_A_ROW:] - row[:-IN_A_ROW] == IN_A_ROW).any())

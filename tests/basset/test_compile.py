@@ -300,3 +300,6 @@ plan.push(plan.start(), 1.0)
 assert "numba" in sys.modules
 """
         python(code, cwd=PACKAGE.parent)
+
+    def test_numba_may_be_imported_before(self):
+        python("import numba, basset; basset.FixedStep(0.1)", cwd=PACKAGE.parent)
