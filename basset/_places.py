@@ -11,12 +11,12 @@ from typing import Any
 from llvmlite import ir
 from numba.core import cgutils, imputils, types
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import NativeValue, infer_getattr, lower_cast, models, register_model, typeof_impl, unbox
+from numba.extending import NativeValue, infer_getattr, models, register_model, typeof_impl, unbox
 
 from basset._compile import Placed
 
 
-class Place(types.Type):  # type: ignore[misc]  # the base is numba's
+class Place(types.Type):
     """A NamedTuple at an address: one pointer wherever it goes, whatever it holds; a field is read where it is asked for."""
 
     def __init__(self, kind: Any) -> None:
@@ -36,7 +36,7 @@ def _typeof(value: Placed, context: Any) -> Place:
 
 
 @register_model(Place)
-class PlaceModel(models.OpaqueModel):  # type: ignore[misc]  # the base is numba's
+class PlaceModel(models.OpaqueModel):
     """A pointer."""
 
 
@@ -49,12 +49,12 @@ def _unbox(kind: Place, value: Any, c: Any) -> NativeValue:
 
 
 @infer_getattr
-class PlaceAttribute(AttributeTemplate):  # type: ignore[misc]  # the base is numba's
+class PlaceAttribute(AttributeTemplate):
     """The type of a field; of a NamedTuple within, its place."""
 
     key = Place
 
-    def generic_resolve(self, place: Place, name: str) -> Any:
+    def generic_resolve(self, place: Place, name: str) -> Any:  # type: ignore[override]  # numba marks what is to be written so
         if name not in place.kind.fields:
             return None
         found = place.kind[place.kind.fields.index(name)]
@@ -72,8 +72,3 @@ def _field(context: Any, builder: Any, place: Place, value: Any, name: str) -> A
     loaded = builder.load(pointer)
     loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
     return imputils.impl_ret_borrowed(context, builder, found, loaded)
-
-
-@lower_cast(Place, types.BaseNamedTuple)
-def _whole(context: Any, builder: Any, place: Place, kind: Any, value: Any) -> Any:
-    return builder.load(builder.bitcast(value, context.get_value_type(kind).as_pointer()))

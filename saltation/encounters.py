@@ -24,6 +24,7 @@ import numpy as np
 from basset._compile import call, compiled, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
+from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
 from saltation import flight
 from saltation.bed.contact import strike_pair
@@ -655,7 +656,7 @@ def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, p
     d = model.dimensions
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
         theta = share_at(crowd, i, crowd.sample[i] * samples.interval)
-        stepper.all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
+        all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
         kept = samples.values[crowd.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]

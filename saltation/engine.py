@@ -122,7 +122,8 @@ class Engine:
             end = min(end, horizon)  # then a longer memory takes over
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
-        self.following = self._following(horizon) if self.members and scene.options("history").kernel != "basset" else STAYS
+        self.horizon = horizon if horizon is not None else math.inf
+        self.following = self._following(self.horizon) if self.members and scene.options("history").kernel != "basset" else STAYS
         # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
         care = CARE if self.following is STAYS else 4.0 * CARE
         self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, care=care)
@@ -130,7 +131,6 @@ class Engine:
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.cut = stepper.Cut(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None))
-        self.horizon = horizon if horizon is not None else math.inf
 
     @cached_property
     def model(self) -> flight.Model:
@@ -144,7 +144,7 @@ class Engine:
         """The bed for the loop; the first rebound of its kind is compiled."""
         return self._bed(self.scene.bed) if self.scene.bed is not None else None
 
-    def _following(self, horizon: float | None) -> Following:
+    def _following(self, horizon: float) -> Following:
         """The kernel that follows the slip."""
         assert self.tables.tail is not None
         reynolds = self.numbers.reynolds
@@ -246,8 +246,10 @@ class Engine:
     def attempt(self, parts: Any, problem: stepper.Problem | None = None) -> tuple[Any, Any]:
         """The search for a step, of another problem if one is given; and what must be kept alive meanwhile."""
         if problem is not None:
-            parts = placed(stepper.Parts(*(problem if name == "problem" else getattr(parts, name) for name in stepper.Parts._fields)))
-        return stepper.attempt_entry(stepper.Attempt(parts, stepper.diagonally_entry(parts)[0]))
+            fields: dict[str, Any] = {name: getattr(parts, name) for name in stepper.Parts._fields}
+            parts = placed(stepper.Parts(**fields | {"problem": problem}))
+        found: tuple[Any, Any] = stepper.attempt_entry(stepper.Attempt(parts, stepper.diagonally_entry(parts)[0]))
+        return found
 
 
 class Start(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from basset._compile import filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.finite_reynolds import VaryingSlipKernel
-from basset.kernels import BassetKernel, Floats, gauss_legendre
+from basset.kernels import BassetKernel, Floats, Kernel, gauss_legendre
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, stretches
@@ -84,7 +84,7 @@ class Integration:
         self.stages = stages_of(count)
         self.varying = task.kernel if isinstance(task.kernel, VaryingSlipKernel) else None
         self.active = active = self._active(task)
-        self.kernel = task.kernel if self.varying is None else BassetKernel()
+        self.kernel: Kernel = task.kernel if isinstance(task.kernel, Kernel) else BassetKernel()
         span = task.end - task.start
         limit = min(method.max_step or span, span)
         self.stretches = stretches(task)  # the running one first

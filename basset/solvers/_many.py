@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -138,10 +139,12 @@ class Block:
             tabulate(row, task.data or ())
         alike = np.array([one.serves(task) for task in self.tasks])
         codes = np.where(alike, UNDONE, BEGUN)
+        whole = partial(np.zeros, count, dtype=np.int64)
         columns = Columns(
-            np.array([task.y0 for task in self.tasks]), np.array([task.slip[one.active] for task in self.tasks]).reshape(count, -1),
-            np.array([task.coefficient[one.active] for task in self.tasks]).reshape(count, -1), arguments, one.arguments, codes,
-            *(np.zeros(count, dtype=np.int64) for _ in range(3)), np.zeros(count), np.zeros((count, len(first.y0))),
+            np.array([task.y0 for task in self.tasks]),
+            np.array([task.slip[one.active] for task in self.tasks]).reshape(count, -1),
+            np.array([task.coefficient[one.active] for task in self.tasks]).reshape(count, -1),
+            arguments, one.arguments, codes, whole(), whole(), whole(), np.zeros(count), np.zeros((count, len(first.y0))),
         )  # fmt: skip
         found, motion = placed(one.events), placed(one.free)
         step = min(one.problem.limit, one.problem.span / 64.0)
@@ -188,7 +191,6 @@ def solve_many(tasks: list[Task], method: Method, workers: int, dense: bool, wan
     else:
         with ThreadPoolExecutor(len(blocks)) as pool:
             found = [solution for solutions in pool.map(Block.solutions, blocks) for solution in solutions]
-    events_ = range(len(tasks[0].events))
     times: Any = [solution.t for solution in found]
     states: Any = [solution.y for solution in found]
     if wanted is not None:
@@ -196,11 +198,11 @@ def solve_many(tasks: list[Task], method: Method, workers: int, dense: bool, wan
         for j, solution in enumerate(found):
             whole[:, : solution.y.shape[1], j] = solution.y
         times, states = wanted, whole
-    return Solution(
-        times, states, [solution.sol for solution in found] if dense else None, [[solution.t_events[k] for solution in found] for k in events_],
-        [[solution.y_events[k] for solution in found] for k in events_], np.array([solution.nfev for solution in found]),
-        np.array([solution.nsteps for solution in found]), np.array([solution.status for solution in found]), [solution.message for solution in found],
-    )  # type: ignore[arg-type]  # fmt: skip  # the fields of one system with an axis more
+    fields: list[Any] = [times, states, [solution.sol for solution in found] if dense else None]
+    fields += [[[getattr(solution, name)[k] for solution in found] for k in range(len(tasks[0].events))] for name in ("t_events", "y_events")]
+    fields += [np.array([getattr(solution, name) for solution in found]) for name in ("nfev", "nsteps", "status")]
+    fields.append([solution.message for solution in found])
+    return Solution(*fields)
 
 
 def columns_of(task: Task, y0: Floats, slip: Floats | None, coefficient: Floats) -> list[Task]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -229,7 +228,7 @@ def local_shortfall(stages: int, c1: float) -> Floats:
 
 def following(
     count: int, tail: ExponentialSum, constants: tuple[float, float], reynolds: float, scale: float, slips: tuple[float, float], horizon: float
-) -> Any:
+) -> Following:
     """A kernel of the slip at t for the stepper; `tail` is Basset's, `constants` are c1 and c2, for the rest see `Following`."""
     table, (c1, c2) = slip_table(tail, constants[0], horizon), constants
     values = np.array(table.values)

@@ -101,7 +101,9 @@ class _March:
         self.rule, self.kind, self.task, self.trace, self.count, self.dt = rule, kind, task, trace, count, span / count
         self.degree = degree_of(rule)
         self.limited = kind == _fixed.HELD or min(bounds(rule)) < math.inf
-        self.plan: Plan = rule.plan(self.dt, span, task.kernel)
+        assert isinstance(task.kernel, Kernel)  # others are refused
+        self.kernel = task.kernel
+        self.plan: Plan = rule.plan(self.dt, span, self.kernel)
         self.samples: State = self.plan.start((members,))
         self.state = _fixed.state_of(task.y0.copy(), members, self.degree)
         self.felt = task.coefficient.copy()  # 0 for bodies at rest
@@ -165,7 +167,7 @@ class _March:
         together = max(1, min(self.degree, stop - int(self.state.numbers[_fixed.NODE]))) if self.kind != _fixed.HELD else 1
         key = together, equation.first, equation.last
         if key not in self.placed:
-            plain, history = start_tables(together, task.kernel.scaled(self.dt))
+            plain, history = start_tables(together, self.kernel.scaled(self.dt))
             several = _fixed.room(together, len(task.y0), len(task.memory))
             weights, limited, looking = _fixed.weights_of(self.degree), int(self.limited), int(bool(task.events))
             grid = _fixed.Grid(task.start, task.end, self.dt, self.count, self.kind, weights, plain, history, limited)

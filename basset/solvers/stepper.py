@@ -226,7 +226,7 @@ def substitute(matrix, order, vector):
 
 
 @separate
-def assemble(p, h, slot, kind):
+def assemble(p: Parts, h: float, slot: int, kind: int) -> None:
     """Newton's matrix, factored, the maps from the unknowns to y' and to y − y_n, and c·(memory before the step), into the room."""
     problem, nodes, local, state, room = p.problem, p.nodes, chosen(p).local, p.state, p.room
     count, n, m = len(nodes.c), len(state.y), len(problem.where)
@@ -253,7 +253,7 @@ def assemble(p, h, slot, kind):
 
 
 @separate
-def memory_before(p, slot, kind):
+def memory_before(p: Parts, slot: int, kind: int) -> None:
     """c·(memory of all that came before the step) at the stages, into the room's force."""
     problem, tables, state, force = p.problem, chosen(p), p.state, p.room.force
     past, jump, before, kernel = state.past, state.jump, tables.past, tables.kernel
@@ -268,7 +268,7 @@ def memory_before(p, slot, kind):
 
 
 @shared
-def correct(p, local, unknown):
+def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float]:
     """One Newton correction of `unknown` and the states, in place: (its size, rounding) over the tolerance."""
     problem, state, room = p.problem, p.state, p.room
     states, rates, residual, lead, carry, force = room.states, room.rates, room.residual, room.lead, room.carry, room.force
@@ -304,7 +304,7 @@ def correct(p, local, unknown):
 
 
 @separate
-def decay_error(p) -> float:
+def decay_error(p: Parts) -> float:
     """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
     problem, nodes, state, values, h = p.problem, p.nodes, p.state, p.values, p.state.numbers[STEP]
     count, n = values.shape
@@ -335,7 +335,7 @@ def decay_error(p) -> float:
 
 
 @separate
-def defect_error(p) -> float:
+def defect_error(p: Parts) -> float:
     """∫ |y' − fun + c·H| over a singular step, over the tolerance, at places halfway between its nodes in σ, where it is largest; negative where
     fun is not finite.
     """
@@ -375,17 +375,18 @@ def defect_error(p) -> float:
         error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
         if not error <= worst:
             worst = error
-    return worst * problem.care
+    result: float = worst * problem.care
+    return result
 
 
 @shared
-def chosen(p) -> Tables:
+def chosen(p: Parts) -> Tables:
     """The tables of the step's size, at place max(0, slot)."""
     return p.tables if p.state.numbers[SLOT] >= 0.0 else p.odd
 
 
 @shared
-def choose(p) -> int:
+def choose(p: Parts) -> int:
     """Fix the size and table slot of the next step, −1 where it is on no rung: ACCEPTED, or END, TABLE, TOO_SMALL."""
     numbers, problem, rungs, kind = p.state.numbers, p.problem, len(p.tables.sizes), int(p.state.numbers[SINGULAR])
     left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
@@ -412,7 +413,7 @@ def choose(p) -> int:
 
 
 @separate
-def make_odd(p, h: float, kind: int) -> None:
+def make_odd(p: Parts, h: float, kind: int) -> None:
     """The tables of a step size on no rung."""
     tables, unit, rates, nodes, root = p.odd, p.unit, p.cut.rates, p.nodes, math.sqrt(h)
     weights, between, count = unit.weights, nodes.between, len(nodes.c)
@@ -430,15 +431,15 @@ def make_odd(p, h: float, kind: int) -> None:
 
 
 @shared
-def next_step(problem, numbers, h, count):
+def next_step(problem: Problem, numbers: Floats, h: float, count: int) -> float:
     """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
-    size = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
+    size: float = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
     since = numbers[TIME] - numbers[JUMPED]
     return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
 
 
 @shared
-def keep(p, record: Record, done: int, share: float) -> None:
+def keep(p: Parts, record: Record, done: int, share: float) -> None:
     """Record the step that was found, of which that share is taken; before it is taken."""
     numbers, values, y = p.state.numbers, p.values, p.state.y
     record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], numbers[STEP], numbers[SINGULAR], share
@@ -451,7 +452,7 @@ def keep(p, record: Record, done: int, share: float) -> None:
 
 
 @separate
-def accept(p) -> None:
+def accept(p: Parts) -> None:
     """Take the step that was found: move state and memory, choose the next size."""
     problem, nodes, tables, state, values, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.state.numbers
     count, n = len(values), len(state.y)
@@ -494,7 +495,7 @@ def accept(p) -> None:
 
 
 @shared
-def evaluate(p, times, states, rates, count):
+def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int) -> bool:
     """`fun` at every row of `states`, nothing for what is at rest; whether all is finite: if not, when and in which component is noted."""
     equation, problem, numbers = p.equation, p.problem, p.state.numbers
     numbers[CALLS] += count
@@ -512,7 +513,7 @@ def evaluate(p, times, states, rates, count):
 
 
 @shared
-def evaluate_stages(p, h, slot, kind):
+def evaluate_stages(p: Parts, h: float, slot: int, kind: int) -> bool:
     """The rates of all stages, the memory's excess over Basset's included where the kernel follows the slip; whether all is finite."""
     room, nodes = p.room, p.nodes
     count = len(nodes.c)
@@ -524,7 +525,7 @@ def evaluate_stages(p, h, slot, kind):
 
 
 @separate
-def exceed(p, states, i: int, place: float, which: int, h: float, kind: int, past: Floats, rates: Floats) -> None:
+def exceed(p: Parts, states: Floats, i: int, place: float, which: int, h: float, kind: int, past: Floats, rates: Floats) -> None:
     """Take c·(H − Basset's H) at row i of `states` from row i of the rates, for a kernel that follows the slip.
 
     `past` (terms,) are Basset's weights with their decay up to `place` of the step, `which` of three sets of places.
@@ -563,7 +564,7 @@ def exceed(p, states, i: int, place: float, which: int, h: float, kind: int, pas
 
 
 @shared
-def steepest(p):
+def steepest(p: Parts) -> float:
     """The largest |rates − force| over the tolerance."""
     problem, y, force, rates = p.problem, p.state.y, p.room.force, p.room.rates
     worst = 0.0
@@ -574,7 +575,7 @@ def steepest(p):
 
 
 @shared
-def newton(p):
+def newton(p: Parts) -> int:
     """Solve the stages: iterations, negative if it failed, 0 if fun was not finite."""
     numbers, values, room, y = p.state.numbers, p.values, p.room, p.state.y
     h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
@@ -606,7 +607,7 @@ def newton(p):
 
 
 @separate
-def differentiate(p):
+def differentiate(p: Parts) -> bool:
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
     problem, state, room = p.problem, p.state, p.room
     n, times, states, rates, jacobian = len(state.y), room.here_times, room.here, room.out, state.jacobian
@@ -667,7 +668,7 @@ def invert(matrix: Floats, result: Floats) -> None:
 
 
 @shared
-def differentiate_diagonally(p):
+def differentiate_diagonally(p: Parts) -> None:
     """The diagonal of the Jacobian by forward differences at the step's start, the same for those that are alike: one inverse for each kind."""
     room, state, equation = p.room, p.state, p.equation
     here, out, y, diagonal, time = room.here, room.out, state.y, state.jacobian[0], state.numbers[TIME]
@@ -689,7 +690,7 @@ def differentiate_diagonally(p):
 
 
 @shared
-def predict(p, h: float, kind: int) -> None:
+def predict(p: Parts, h: float, kind: int) -> None:
     """A first guess of the unknowns."""
     numbers, c, y, values, room, state, equation = p.state.numbers, p.nodes.c, p.state.y, p.values, p.room, p.state, p.equation
     problem, guess = p.problem, room.guess
@@ -724,7 +725,7 @@ def predict(p, h: float, kind: int) -> None:
 
 
 @shared
-def remember_rates(p) -> None:
+def remember_rates(p: Parts) -> None:
     """Keep the polynomial of the rates in the step before, whose node values are still in their place, for the next first guess."""
     numbers, values, guess, regular = p.state.numbers, p.values, p.room.guess, p.nodes.regular
     count, n = values.shape
@@ -739,7 +740,7 @@ def remember_rates(p) -> None:
 
 
 @shared
-def factorise(p, h: float, slot: int, kind: int, first: int) -> None:
+def factorise(p: Parts, h: float, slot: int, kind: int, first: int) -> None:
     """The inverse of each state's own stage matrix; states that nothing damps need none in a regular step."""
     matrix, inverse, diagonal, strength = p.room.matrix, p.room.inverse, p.state.jacobian[0], p.problem.strength
     local, slope, integral = chosen(p).local, p.nodes.slope, p.nodes.integral
@@ -764,7 +765,7 @@ def factorise(p, h: float, slot: int, kind: int, first: int) -> None:
 
 
 @shared
-def iterate(p) -> int:
+def iterate(p: Parts) -> int:
     """Solve the stages with the diagonal of the Jacobian: iterations, negative if it failed, 0 if fun was not finite."""
     numbers, values, room, problem, equation = p.state.numbers, p.values, p.room, p.problem, p.equation
     h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
@@ -860,7 +861,7 @@ def judge(problem: Problem, state: State, error: float, power: float) -> int:
 
 
 @shared
-def attempt(p, solve) -> int:
+def attempt(p: Parts, solve: Any) -> int:
     """Find the next step that keeps the tolerance, its stages solved by `solve`: node values into p.values, its size in numbers[STEP]; ACCEPTED or
     why not.
     """
@@ -990,7 +991,7 @@ def cut_memory(where: Any, nodes: Nodes, cut: Cut, state: State, h: float, theta
 
 
 @separate
-def cut_step(p, theta: float) -> None:
+def cut_step(p: Parts, theta: float) -> None:
     """Take the step that was found up to θ, its polynomial being in the room: state, memory and time."""
     numbers, y, room, problem = p.state.numbers, p.state.y, p.room, p.problem
     h, kind = numbers[STEP], int(numbers[SINGULAR])
@@ -1032,7 +1033,7 @@ cut_entry, accept_entry = entry(cut), entry(accepted)
 
 
 @shared
-def to_event(m, found, p, record, done, theta):
+def to_event(m: Any, found: Any, p: Parts, record: Record, done: int, theta: float) -> int:
     """Take the step up to θ, where events happen, and start anew behind their jumps: PASSED, or why to stop."""
     numbers, y, problem, state, room = p.state.numbers, p.state.y, p.problem, p.state, p.room
     keep(p, record, done, theta)
@@ -1125,7 +1126,8 @@ def room(stages: int, states: int, diagonal: bool = False) -> Room:
         "here_times": (n + 1,), "here": (n + 1, n), "out": (n + 1, n), "polynomial": (stages + 1, n), "guess": (stages, n), "before": (n,), "after": (n,),
         "still": (n,),
     }  # fmt: skip
-    return Room(**{name: np.zeros(shape, dtype=np.int64 if name == "order" else np.float64) for name, shape in shapes.items()})
+    arrays: dict[str, Any] = {name: np.zeros(shape, dtype=np.int64 if name == "order" else np.float64) for name, shape in shapes.items()}
+    return Room(**arrays)
 
 
 def start_numbers(start: float, step: float, singular: bool) -> Floats:
