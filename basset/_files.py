@@ -6,7 +6,9 @@ import contextlib
 import os
 import secrets
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,18 +33,36 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
         return
     target = Path(os.path.realpath(path))
     name = str(target.with_name(f".{target.name}.{secrets.token_hex(4)}"))
-    os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    with undisturbed():
+        os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            yield name
+            if target.exists():
+                shutil.copymode(target, name)
+            _kept(name)
+            os.replace(name, target)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        with contextlib.suppress(OSError):  # not every system can do so with folders
+            _kept(target.parent)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """An interrupt or SIGTERM waits for the end: what writes files makes other errors of it, or loses it."""
+    waiting: list[int] = []
+    signals = [one for one in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(one))]  # others end the process at once, or are ignored
+    if threading.current_thread() is not threading.main_thread():
+        signals = []
+    before = {one: signal.signal(one, lambda number, frame: waiting.append(number)) for one in signals}
     try:
-        yield name
-        if target.exists():
-            shutil.copymode(target, name)
-        _kept(name)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    with contextlib.suppress(OSError):  # not every system can do so with folders
-        _kept(target.parent)
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+    for number in waiting[:1]:
+        signal.raise_signal(number)
 
 
 def is_stream(path: str | os.PathLike[str]) -> bool:

@@ -1,6 +1,7 @@
 """Files are written whole or not at all, with the mode, through the links and into the devices that a user means."""
 
 import os
+import signal
 import stat
 import subprocess
 import sys
@@ -150,3 +151,17 @@ def test_a_folder_that_cannot_be_synced_is_no_mistake(monkeypatch):
     monkeypatch.setattr(os, "fsync", fsync)
     write(Path("a.csv"), "1\n")
     assert Path("a.csv").read_text() == "1\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_until_a_file_is_written(tmp_path, number):
+    """It comes in the midst of the writing: the file is whole, and then the signal does what it does."""
+    path, before = tmp_path / "whole.txt", signal.signal(number, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), replacing(path) as name:
+            signal.raise_signal(number)
+            Path(name).write_text("all of it", encoding="utf-8")
+        assert path.read_text(encoding="utf-8") == "all of it" and list(tmp_path.iterdir()) == [path]
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        signal.signal(number, before)
