@@ -1,4 +1,4 @@
-"""The only file that knows numba: compiled functions that survive on disk until a source file changes.
+"""The only file, with `_places`, that knows numba: compiled functions that survive on disk until a source file changes.
 
 numba's disk cache keys a function by its own file and misses edits in what it imports. Every compiled function here is
 made by a factory that closes over the digest of the sources of its package and of basset: the digest is part of numba's

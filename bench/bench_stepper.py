@@ -1,11 +1,11 @@
 """What compiled functions, many systems and threads save in `solve`, under pytest-benchmark: `pytest bench`. Both sides take turns."""
 
-import numba
 import numpy as np
 import pytest
 
 import basset
 from basset import measure
+from basset._compile import compiler
 
 SYSTEMS = 1000
 
@@ -32,7 +32,7 @@ def swings(t, y, stiffness):
     return rates
 
 
-COMPILED = {function.__name__: numba.njit(function) for function in (falls, floor, bounce, swings)}
+COMPILED = {function.__name__: compiler().njit(function) for function in (falls, floor, bounce, swings)}
 
 
 class Floor:

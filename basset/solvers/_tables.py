@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -165,11 +165,15 @@ class StepTables:
         self.count, self.tail, self.kernel, self.floor, self.span = count, tail, kernel, floor, span
         self.nodes = nodes_of(count)
         self.tables = self._empty(math.ceil(stepper.LADDER * math.log2(span / floor)) + 1)
-        self.placed = placed(self.nodes), placed(self.tables)
         self.unit = stepper.Unit(np.zeros(0), np.zeros((0, count, count)), np.zeros((0, count)))
         if isinstance(kernel, BassetKernel):
             local, between = np.array(local_history(count, kernel)), history_between(count, kernel).copy()
             self.unit = stepper.Unit(np.array(tail.weights) if tail is not None else np.zeros(0), local, between)
+
+    @cached_property
+    def placed(self) -> tuple[Any, Any]:
+        """Nodes and tables as compiled functions take them."""
+        return placed(self.nodes), placed(self.tables)
 
     def _empty(self, rungs: int, moments: bool = True) -> stepper.Tables:
         count, terms = self.count, len(self.tail) if self.tail else 0

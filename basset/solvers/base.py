@@ -523,7 +523,7 @@ def _task(
         raise ValueError("t_span must rise, got ({}, {})".format(*_validate.apart(start, end)))
     state = np.atleast_1d(_converted("y0", y0)).astype(np.float64)
     if state.ndim != 1 or not len(state):
-        raise ValueError(f"y0 must be one-dimensional with at least one state, got shape {np.shape(y0)}")
+        raise ValueError(f"y0 must be one-dimensional with at least one state, or have a column per system, got shape {np.shape(y0)}")
     if not np.isfinite(state).all():
         raise ValueError(f"y0 must be finite, got {_validate.shown(y0)}")
     if isinstance(memory, (int, np.integer)):

@@ -357,7 +357,7 @@ BAD = {
     "t_span of three": ({"t_span": (0.0, 1.0, 2.0)}, (TypeError, ValueError), r"t_span must be a pair .*\(0\.0, 1\.0, 2\.0\)"),
     "t_span a number": ({"t_span": 4.0}, TypeError, "t_span must be a pair"),
     "t_span strings": ({"t_span": ("a", "b")}, TypeError, r"t_span\[0\] must be a finite number"),
-    "y0 of two dimensions": ({"y0": [[1.0, 2.0]]}, ValueError, r"y0 must be one-dimensional .*got shape \(1, 2\)"),
+    "y0 of three dimensions": ({"y0": [[[1.0, 2.0]]]}, ValueError, r"y0 must be one-dimensional .*got shape \(1, 1, 2\)"),
     "y0 empty": ({"y0": []}, ValueError, "y0 must be one-dimensional with at least one state"),
     "y0 NaN": ({"y0": [1.0, NAN]}, ValueError, "y0 must be finite"),
     "y0 strings": ({"y0": ["a", "b"]}, TypeError, "y0 must be"),
