@@ -420,7 +420,7 @@ class Entry(NamedTuple):
 
 def call(entry: Any, t: float, y: Any, i: int, out: Any, k: int, own: Any) -> None:
     """entry(t, y[i], out[k], own): a plain function, or the compiled one behind an `Entry`."""
-    entry(t, y[i], out[k], own)
+    invoke(entry, t, y[i], out[k], own)
 
 
 @when_loaded

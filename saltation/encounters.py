@@ -25,7 +25,7 @@ from basset._compile import call, compiled, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
-from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, TABLE, TIME, TOO_SMALL
+from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
 from saltation import flight
 from saltation.bed.contact import strike_pair
 from saltation.flow import both
@@ -611,6 +611,8 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
     model, problem, state, numbers, signal, polynomial = g.model, p.problem, p.state, p.state.numbers, p.room.signal, p.room.polynomial
     if numbers[TIME] - g.account[flight.START] > g.limits.longest:
         return flight.ALOFT
+    if numbers[STEPS] == 0.0 and crowd.kind[i] == PLAN and g.bed.highest > -math.inf:
+        flight.set_tolerance(g, math.inf)
     while True:
         code = ACCEPTED
         if crowd.kind[i] != ROUGH:

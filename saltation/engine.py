@@ -290,6 +290,8 @@ class Grain:
         given = (engine, engine.problem, engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values, record, jumps)
         if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
             steps, kept = engine.steps(*given[2:], problem=engine.problem)
+            if engine.scene.bed is not None and self.state.numbers[stepper.STEPS] == 0.0:
+                flight.set_tolerance(steps.flight, math.inf)
             self._bound = given, (steps, flight.fly_entry(steps), placed(record), kept)
         steps, (watch, _), log, _ = self._bound[1]
         parts = steps.flight.parts

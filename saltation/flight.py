@@ -54,7 +54,7 @@ COLUMNS = (
 
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 BESIDE = 1e-9  # d: as near to a kink as that is at it
-SHORTEST = 0.02  # so small at least is the factor of the tolerance
+SHORTEST = 0.01  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
@@ -313,11 +313,9 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 
 @shared
-def take_off(state: State, flight: Floats, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight; the tolerance follows its likely length, by the one before, where that is short against d/V."""
-    likely = (state.numbers[TIME] - flight[START]) * min(1.0, max(0.0, w) / max(flight[W], 1e-300))
-    state.numbers[SCALE] = min(1.0, max(SHORTEST, likely))
-    flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = state.numbers[TIME], x, y, z, z
+def take_off(flight: Floats, time: float, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
+    """Start the account of a new flight."""
+    flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = time, x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
 
 
@@ -422,6 +420,23 @@ class Flight(NamedTuple):
     contact: Floats
 
 
+@shared
+def set_tolerance(g: Flight, likely: float) -> None:
+    """The tolerance follows the length of the flight that begins, where that is short against d/V: what is likely by the one before, or by what draws
+    the grain down at takeoff.
+    """
+    p, d = g.parts, g.model.dimensions
+    y, room = p.state.y, p.room
+    for a in range(len(y)):
+        room.here[0, a] = y[a]
+    call(p.equation.fun, p.state.numbers[TIME], room.here, 0, room.out, 0, p.equation.own)
+    fall = -room.out[0, 2 * d - 1]
+    if fall > 0.0:
+        likely = min(likely, 2.0 * max(0.0, y[2 * d - 1]) / fall)
+    likely = min(1.0, likely)
+    p.state.numbers[SCALE] = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # less where short: with so few steps none makes up for another
+
+
 def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     """Strike the bed, as grain number t, until the grain moves up; the jump that ended into the row `out`.
 
@@ -475,7 +490,8 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
         turn(model, s, spin, ox, oy, oz)
     spin[3] = layer_of(model, z, w)
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
-    take_off(state, flight, x, across, z, u, v, w)
+    set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)))
+    take_off(flight, numbers[TIME], x, across, z, u, v, w)
     y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.seal else ACCEPTED
 
 
