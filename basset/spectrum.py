@@ -260,14 +260,10 @@ def weights_at(basset_sum: ExponentialSum, stretch: Floats, c1: float, horizon: 
     return np.asarray(basset_sum.weights * ratios)
 
 
-def step_of(fine: bool) -> float:
-    """Of the tables in ln λ: for an error of 2e-10, or of 1e-12."""
-    return 0.25 if fine else 0.5
-
-
-def reach_of(c1: float, fine: bool) -> float:
-    """|ln λ| beyond which ρ is a power law or 1, and −ln C^(2/3)s beyond which K(s; C) is Basset's, within 1e-10 or 1e-13."""
-    return math.log((1e13 if fine else 1e10) * c1) / (1.5 / c1)
+def grid_of(c1: float, fine: bool) -> tuple[float, float]:
+    """Step of tables in ln λ, and |ln λ| beyond which ρ is a power law or 1 (−ln C^(2/3)s: K(s; C) is Basset's), for errors of 2e-10 or of 1e-12."""
+    step, precision = (0.25, 1e13) if fine else (0.5, 1e10)
+    return step, math.log(precision * c1) / (1.5 / c1)
 
 
 def pieces(low: float, cells: int, step: float) -> tuple[Floats, Floats]:
@@ -279,8 +275,9 @@ def pieces(low: float, cells: int, step: float) -> tuple[Floats, Floats]:
 @lru_cache(maxsize=8)
 def spectral_table(c1: float = 2.0, fine: bool = False) -> SpectralTable:
     """The table of ρ, one row, for `ratio_at`. Errors as `spectral_ratio`; made once per c1, in some three milliseconds."""
-    c1, step = _checked_c1(c1), step_of(fine)
-    half = math.ceil(reach_of(c1, fine) / step)
+    c1 = _checked_c1(c1)
+    step, reach = grid_of(c1, fine)
+    half = math.ceil(reach / step)
     points, coefficients = pieces(-half * step, 2 * half, step)
     values = np.ascontiguousarray((spectral_ratio(np.exp(points), c1) @ coefficients)[None])
     values.flags.writeable = False
