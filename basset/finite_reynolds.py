@@ -189,6 +189,8 @@ class VaryingPlan:
     True
     """
 
+    _widths: tuple[int, int]  # lags and memory kept per component
+
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
         self.rule, self.kernel = rule, kernel
         self.dt = _validate.positive("dt", dt, "seconds")
@@ -196,10 +198,6 @@ class VaryingPlan:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return plan, (self.rule, self.dt, self.steps * self.dt, self.kernel)  # a copy has its own addresses for compiled code
-
-    def _widths(self) -> tuple[int, int]:
-        """Lags and memory kept per component."""
-        raise NotImplementedError
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
         """H at every row of rates (steps, components); bends are the unit-step C'."""
@@ -224,7 +222,7 @@ class VaryingPlan:
         """
         shape = shape if isinstance(shape, tuple) else (shape,)
         n = math.prod(_validate.integer("shape", size, 0) for size in shape)
-        lags, memory = self._widths()
+        lags, memory = self._widths
         return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros(n), np.zeros(shape), np.zeros(2))
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
@@ -255,7 +253,7 @@ class VaryingPlan:
         shape = state.history.shape
         if rates.ndim == 0 or rates.shape[1:] != shape:
             raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
-        lags, memory = self._widths()
+        lags, memory = self._widths
         owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory})
         node, steps = int(state.counters[0]), len(rates)
         if node + steps > self.steps + 1:
@@ -426,9 +424,7 @@ class DirectPlan(VaryingPlan):
         self._base: FullRule = rule._remembered
         window = rule._window_steps(self.dt)
         self._window = self.steps if window is None else min(window, self.steps)
-
-    def _widths(self) -> tuple[int, int]:
-        return self._window + 1, self._window + 1 if self.kernel.slip_at == "tau" else 0
+        self._widths = self._window + 1, self._window + 1 if kernel.slip_at == "tau" else 0
 
     def _table(self, bend: float) -> WeightTable:
         return _slip_table(self._base, bend, self.kernel.c1)
@@ -547,14 +543,12 @@ class SumPlan(VaryingPlan):
         entering = np.stack([np.sum(panels, axis=0), panels[0]])
         local = _local(degree, kernel.c1, low, high, fine)
         self._memory = placed(Memory(kernel.c1, math.sqrt(self.dt), -np.expm1(-rates), np.exp(-rates * window), entering, tail, local))
-
-    def _widths(self) -> tuple[int, int]:
-        return self._memory.entering.shape[2] + 1, len(self.tail_sum)
+        self._widths = degree + 2, len(self.tail_sum)
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
         from basset import _stream
 
-        history, room = np.empty_like(rates), np.empty((2, max(self._widths())))
+        history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
         _stream.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
         return history
 
