@@ -11,12 +11,14 @@ Decay is applied as a loss 1 − exp(−λ dt): a rate that changes little in a 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from basset._compile import compiled
+from basset.spectrum import ratio_at
 
 TILE = 8  # components advanced together: one cache line of a block of samples
 
@@ -177,3 +179,53 @@ def _make_follow(digest: str) -> Callable[..., Any]:
 
 
 follow = compiled(_make_follow)
+
+
+def _make_follow_slip(digest: str) -> Callable[..., Any]:
+    def follow_slip(m, samples, impulses, terms, count, rates, clocks, history, room):
+        """Advance every component (rows of `terms`) by all rows of `rates`, `clocks` being ln C^(2/3) there."""
+        digest  # noqa: B018 - part of the cache key
+        steps, components = rates.shape
+        weights, newest = room
+        last = samples.shape[1] - 1
+        window = (last + 1) // 2
+        slowest = m.tail.values.shape[0] - 1
+        for step in range(steps):
+            n, clock = count + step, math.nan
+            row = (min(n, last) - 1) * last
+            entering = m.entering[1 if n > last else 0]
+            for c in range(components):
+                for j in range(last, 0, -1):
+                    samples[c, j] = samples[c, j - 1]
+                    impulses[c, j] = impulses[c, j - 1]
+                samples[c, 0] = rates[step, c]
+                impulses[c, 0] = 0.0
+                history[step, c] = 0.0
+                if n == 0:
+                    continue
+                if clocks[step, c] != clock:  # often one slip for all directions of space
+                    clock = clocks[step, c]
+                    for q in range(terms.shape[1]):
+                        ratio = ratio_at(m.tail.low, m.tail.inverse_step, m.tail.values, min(q, slowest), m.tail.log_rates[q] - clock)
+                        weights[q] = m.tail.weights[q] * ratio
+                    for j in range(last):
+                        newest[j] = m.local.weights[row + j] * ratio_at(m.local.low, m.local.inverse_step, m.local.values, row + j, -clock)
+                value = 0.0
+                for j in range(last):
+                    value += newest[j] * samples[c, j]
+                for q in range(terms.shape[1]):
+                    gain = impulses[c, window] * m.reached[q]
+                    if n >= last:
+                        for j in range(last):
+                            gain += entering[q, j] * samples[c, j + 1]
+                    terms[c, q] += gain - m.loss[q] * terms[c, q]
+                    value += weights[q] * terms[c, q]
+                for j in range(1, window):
+                    if impulses[c, j] != 0.0:
+                        value += impulses[c, j] / math.sqrt(j) * (1.0 + math.exp(1.5 / m.c1 * (clock + math.log(j)))) ** -m.c1
+                history[step, c] = m.root * value
+
+    return follow_slip
+
+
+follow_slip = compiled(_make_follow_slip)

@@ -1,16 +1,16 @@
-"""Finite-Reynolds kernels whose slip varies: no convolution any more, and two honest ways to evaluate it.
+"""Finite-Reynolds kernels whose slip varies: no convolution any more, and two ways to evaluate it.
 
 H(t) = Σ_j Δ_j K(t − t_j; U) + ∫ K(t − τ; U) g(τ) dτ with the Mei–Adrian family's K(s; U). The literature is ambiguous
 whether U is the slip at t or at τ; both are offered.
 
 * Daitche and Windowed (without tail): the direct sum, product integration with the kernel of each slip. The reference:
   exact weights, a fraction of a millisecond per sample and distinct slip.
-* Exponential: K = C^(1/3) k(C^(2/3) s), so the sum for k is run on an inner clock dx = C(t)^(2/3) dt, with the kernel of
-  the slip at t on the newest panels. Exact for a steady slip; a model of its own otherwise: the memory of a fast stretch
-  fades fast. Constant memory, well below a microsecond per term.
+* Exponential: the newest panels alike, all older ones by exponentials that decay as ever and whose weights follow the
+  slip at t (`basset.spectrum`; `basset.solve` does the same): constant memory, and the promised error against the direct
+  sum, down to some 1e-11.
 
-Outside its validity (flow reversal, a sphere that nearly stops: the s^(-2) tail is too fast, Lawrence & Mei 1995) the clock
-would stand still and the memory never fade: slips below the kernel's range are taken at its end, and counted.
+Outside their validity (flow reversal, a sphere that nearly stops) the kernels' s^(-2) tail is too fast (Lawrence & Mei 1995):
+slips below the kernel's range are taken at its end, and counted.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
+from basset._compile import placed
 from basset._states import owned, steps_to
 from basset.exponentials import ExponentialSum
-from basset.kernels import Floats, MeiAdrianKernel
+from basset.kernels import Floats, MeiAdrianKernel, gauss_legendre
 from basset.quadrature.base import FullRule, Rule, WeightTable
 from basset.quadrature.exponential import Exponential
 from basset.quadrature.product import Daitche, lagrange
 from basset.quadrature.windowed import Windowed
+from basset.spectrum import SlipTable, grid_of, pieces, slip_table, weights_at
 
 __all__ = ["VaryingPlan", "VaryingSlipKernel", "VaryingState"]
 
@@ -47,7 +49,7 @@ class VaryingSlipKernel:
         The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is taken at the
         nearer end and counted (`plan.outside`).
     slip_at : {"t", "tau"}
-        Whether the kernel is that of the slip now or of the slip when the rate acted. The inner clock takes "t" only.
+        Whether the kernel is that of the slip now or of the slip when the rate acted. Exponential takes "t" only.
     c1, c2 : float, dimensionless
         As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
 
@@ -58,8 +60,7 @@ class VaryingSlipKernel:
 
     References
     ----------
-    Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833. The inner clock: this
-    library.
+    Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833.
 
     Examples
     --------
@@ -124,9 +125,7 @@ class VaryingState(NamedTuple):
     samples, impulses : ndarray (components, lags), unit of f per second
         Newest rates and jumps of f (over dt) at nodes.
     memory : ndarray (components, …), in units of H
-        Exponentials (inner clock), or what earlier samples will still add (slip at τ).
-    clocks : ndarray (components, …), dimensionless
-        Newest intervals of the inner clock.
+        Exponentials, without their weights; or what earlier samples will still add (slip at τ).
     steepness : ndarray (components,)
         C at the newest node, in units of dt^(-3/2).
     history : ndarray, shape of one sample, in units of H
@@ -145,7 +144,6 @@ class VaryingState(NamedTuple):
     samples: Floats
     impulses: Floats
     memory: Floats
-    clocks: Floats
     steepness: Floats
     history: Floats
     counters: Floats
@@ -191,14 +189,15 @@ class VaryingPlan:
     True
     """
 
+    _widths: tuple[int, int]  # lags and memory kept per component
+
     def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
         self.rule, self.kernel = rule, kernel
         self.dt = _validate.positive("dt", dt, "seconds")
         self.steps = steps_to(_validate.positive("horizon", horizon, "seconds"), self.dt)
 
-    def _widths(self) -> tuple[int, int, int]:
-        """Lags, memory and clocks kept per component."""
-        raise NotImplementedError
+    def __reduce__(self) -> tuple[Any, ...]:
+        return plan, (self.rule, self.dt, self.steps * self.dt, self.kernel)  # a copy has its own addresses for compiled code
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
         """H at every row of rates (steps, components); bends are the unit-step C'."""
@@ -223,8 +222,8 @@ class VaryingPlan:
         """
         shape = shape if isinstance(shape, tuple) else (shape,)
         n = math.prod(_validate.integer("shape", size, 0) for size in shape)
-        lags, memory, clocks = self._widths()
-        return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros((n, clocks)), np.zeros(n), np.zeros(shape), np.zeros(2))
+        lags, memory = self._widths
+        return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros(n), np.zeros(shape), np.zeros(2))
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
         """Accept a block of rates with the slips at the same nodes, in place; H at each.
@@ -254,8 +253,8 @@ class VaryingPlan:
         shape = state.history.shape
         if rates.ndim == 0 or rates.shape[1:] != shape:
             raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
-        lags, memory, clocks = self._widths()
-        owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory, "clocks": clocks})
+        lags, memory = self._widths
+        owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory})
         node, steps = int(state.counters[0]), len(rates)
         if node + steps > self.steps + 1:
             raise ValueError(
@@ -276,7 +275,7 @@ class VaryingPlan:
         bends = (self.kernel.steepness(inside) * self.dt**1.5).reshape(steps, -1)
         history = self._advance(state, np.ascontiguousarray(rates.reshape(steps, -1)), np.ascontiguousarray(bends)).reshape(steps, *shape)
         if steps:
-            state.history[...] = history[-1]
+            state.history[...], state.steepness[:] = history[-1], bends[-1]
         state.counters[:] += np.array([steps, np.count_nonzero(inside != slips)])
         return history
 
@@ -331,8 +330,12 @@ class VaryingPlan:
         ValueError, TypeError
             As `run`.
         """
+        return self._next(state, 0.0, slip)
+
+    def _next(self, state: VaryingState, rate: float, slip: ArrayLike) -> Any:
+        """H at the next node if every rate there is `rate`."""
         probe = VaryingState(*(array.copy() for array in state))
-        self.push(probe, np.zeros(state.history.shape), slip)
+        self.push(probe, np.full(state.history.shape, rate), slip)
         return self.value(probe)
 
     def local(self, state: VaryingState, slip: ArrayLike) -> Any:
@@ -352,10 +355,7 @@ class VaryingPlan:
         ValueError, TypeError
             As `run`.
         """
-        zero, one = (VaryingState(*(array.copy() for array in state)) for _ in range(2))
-        self.push(zero, np.zeros(state.history.shape), slip)
-        self.push(one, np.ones(state.history.shape), slip)
-        return self.value(one) - self.value(zero)
+        return self._next(state, 1.0, slip) - self._next(state, 0.0, slip)
 
     def jump(self, state: VaryingState, delta: ArrayLike, age: float = 0.0, g: ArrayLike | None = None) -> None:
         """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`.
@@ -424,9 +424,7 @@ class DirectPlan(VaryingPlan):
         self._base: FullRule = rule._remembered
         window = rule._window_steps(self.dt)
         self._window = self.steps if window is None else min(window, self.steps)
-
-    def _widths(self) -> tuple[int, int, int]:
-        return self._window + 1, self._window + 1 if self.kernel.slip_at == "tau" else 0, 0
+        self._widths = self._window + 1, self._window + 1 if kernel.slip_at == "tau" else 0
 
     def _table(self, bend: float) -> WeightTable:
         return _slip_table(self._base, bend, self.kernel.c1)
@@ -439,7 +437,6 @@ class DirectPlan(VaryingPlan):
             state.samples[:, 1:] = state.samples[:, :-1].copy()
             state.impulses[:, 1:] = state.impulses[:, :-1].copy()
             state.samples[:, 0], state.impulses[:, 0] = row, 0.0
-            state.steepness[:] = bend
             used = min(n, self._window)
             if self.kernel.slip_at == "tau":
                 history[step] = self._scattered(state, n, row, bend)
@@ -497,66 +494,109 @@ class DirectPlan(VaryingPlan):
         super()._replace_newest(state, rate)
 
 
-class ClockPlan(VaryingPlan):
-    """The inner clock: kernel of the slip at t on the newest panels, a sum of exponentials of k(x) for the rest."""
+class Memory(NamedTuple):
+    """What `_stream.follow_slip` reads, for a unit step; samples newest first.
+
+    Attributes
+    ----------
+    c1, root : float
+        Of the kernel; √dt.
+    loss, reached : ndarray (terms,)
+        1 − exp(−λ); exp(−λ·window), of a jump that leaves the window.
+    entering : ndarray (2, terms, degree+1)
+        What samples 1 … degree+1 add to the exponentials: once all start-up panels leave the window, and at every later node.
+    tail, local : SlipTable
+        Weights of the exponentials; those of the window, a row for sample j at start-up node n: (n−1)·(degree+1) + j, the last for all later nodes.
+    """
+
+    c1: float
+    root: float
+    loss: Floats
+    reached: Floats
+    entering: Floats
+    tail: SlipTable
+    local: SlipTable
+
+
+class SumPlan(VaryingPlan):
+    """A sum of exponentials whose weights follow the slip, beyond a window with the kernel of the slip at t.
+
+    Attributes
+    ----------
+    tail_sum : ExponentialSum
+        For the Basset kernel.
+    """
 
     def __init__(self, rule: Exponential, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
         super().__init__(rule, dt, horizon, kernel)
         if kernel.slip_at != "t":
-            raise ValueError(f"slip_at must be 't' for Exponential, got {kernel.slip_at!r}: the inner clock runs with the slip now; use Windowed")
-        self._degree = degree = rule.order
-        self._window = degree // 2 + 1
-        self._lags = self._window + (degree + 1) // 2
-        self._steady = max(degree + 1, self._lags - 1)
-        low, high = (float(kernel.steepness(np.array(slip))) * self.dt**1.5 for slip in kernel.slip_range)
-        self._span = np.log(np.array([low, high]))
-        unit = _unit_kernel(1.0, kernel.c1)  # K = k: x counts its time
-        near, far = self._window * low ** (2.0 / 3.0), max(self.steps, 2 * self._window) * high ** (2.0 / 3.0)
-        try:
-            self.tail_sum = ExponentialSum.fit(near / unit.steepness ** (2.0 / 3.0), far / unit.steepness ** (2.0 / 3.0), rule.rtol, unit)
-        except ValueError:
-            raise ValueError(
-                f"slip_range must suit rtol = {rule.rtol:g} and {self.steps} steps of {self.dt:g} s (sums reach from x = C^(2/3) s = 1e-12 to 1e6 over "
-                f"12 decades), got {kernel.slip_range} m/s: x from {near:.2g} to {far:.2g}"
-            ) from None
-        self._rows = self._local_series(rule.rtol)
-        u = np.linspace(0.0, 1.0, degree + 1)
-        powers = np.linalg.inv(np.vander(u, increasing=True))
-        self._monomials = np.stack([powers @ lagrange(np.arange(degree + 1.0), o + u)[0] for o in range(degree)])
-
-    def _widths(self) -> tuple[int, int, int]:
-        return self._lags + 1, len(self.tail_sum), self._lags
-
-    def _local_series(self, rtol: float) -> Floats:
-        """Local weights as Chebyshev series in ln C': rows for start-up nodes 1 … steady−1 and for the steady form."""
-        from basset.streaming import Plan
-
-        def sampled(log_bend: float) -> Floats:
-            kernel = _unit_kernel(math.exp(log_bend), self.kernel.c1)
-            table, result = WeightTable(Daitche(self._degree), kernel, "rate"), np.zeros((self._steady, self._lags + 1))
-            for n in range(1, self._steady):
-                result[n - 1, : n + 1] = np.concatenate(table.row(n))[::-1]
-            result[-1] = Plan.window_weights(Daitche(self._degree), kernel, self._window, self._lags)
-            return result
-
-        for count in (16, 32, 64, 128, 256):
-            angles = math.pi * (np.arange(count) + 0.5) / count
-            middle, half = self._span.mean(), 0.5 * (self._span[1] - self._span[0])
-            values = np.stack([sampled(middle + half * x) for x in np.cos(angles)], axis=-1)
-            series = np.asarray(values @ np.cos(np.outer(angles, np.arange(count))) * (2.0 / count))
-            series[..., 0] *= 0.5
-            if np.abs(series[..., -count // 4 :]).max() <= 0.01 * rtol * np.abs(series[..., 0]).max():
-                return np.ascontiguousarray(series)
-        raise ValueError(f"slip_range must be narrower for rtol = {rtol:g}, got {self.kernel.slip_range}")
+            raise ValueError(f"slip_at must be 't' for Exponential, got {kernel.slip_at!r}: the weights of its sum follow the slip now; use Windowed")
+        degree, window, fine = rule.order, rule.order // 2 + 1, rule.rtol < 1e-8
+        reach, log_step = max(self.steps, 2 * window) * self.dt, math.log(self.dt)
+        low, high = (float(clock) for clock in _clocks(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
+        self.tail_sum = _sum(window * self.dt, reach, rule.rtol, kernel.c1, low - log_step, high - log_step)
+        table, rates = slip_table(self.tail_sum, kernel.c1, reach, fine), self.tail_sum.rates * self.dt
+        tail = table._replace(weights=table.weights * math.sqrt(self.dt), log_rates=table.log_rates + log_step, values=table.values.copy())
+        x, w = gauss_legendre(64)
+        decayed = np.exp(-rates[:, None] * x) * w
+        panels = [np.exp(-rates[:, None] * k) * (decayed @ lagrange(np.arange(1.0, degree + 2.0), k + x)[0]) for k in range(window, degree + 1)]
+        entering = np.stack([np.sum(panels, axis=0), panels[0]])
+        local = _local(degree, kernel.c1, low, high, fine)
+        self._memory = placed(Memory(kernel.c1, math.sqrt(self.dt), -np.expm1(-rates), np.exp(-rates * window), entering, tail, local))
+        self._widths = degree + 2, len(self.tail_sum)
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
-        from basset import _clock
+        from basset import _stream
 
-        history = np.empty_like(rates)
-        arrays = (state.samples, state.memory, state.clocks, state.impulses, state.steepness, int(state.counters[0]), rates, bends, history)
-        shape = (self._window, self._steady, self._degree, self._monomials, self._rows, 1)
-        _clock.clock_run(*arrays, *shape, self.tail_sum.weights, self.tail_sum.rates, self._span, math.sqrt(self.dt), self.kernel.c1)
+        history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
+        _stream.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
         return history
+
+
+def _clocks(bends: Floats) -> Floats:
+    """Ln C^(2/3)."""
+    return np.asarray(2.0 / 3.0 * np.log(np.maximum(bends, 1e-300)))
+
+
+def _sum(near: float, horizon: float, rtol: float, c1: float, low: float, high: float) -> ExponentialSum:
+    """A short Basset sum whose weights, following a slip with ln C^(2/3) from `low` to `high`, keep `rtol` of K(s; C) from near to the horizon."""
+    lags, stretches = np.geomspace(near, horizon, 300), np.exp(np.linspace(low, high, 30))
+    kernel = (1.0 + (stretches[:, None] * lags) ** (1.5 / c1)) ** -c1 / np.sqrt(lags)
+    error = math.inf
+    for share in 10.0 ** np.arange(-0.5, -5.0, -0.5):  # of rtol that it keeps for the Basset kernel
+        try:
+            found = ExponentialSum.fit(near, 10.0 * horizon, rtol * share)
+        except ValueError:
+            if error == math.inf:
+                raise
+            break
+        error = np.abs(weights_at(found, stretches, c1, horizon) @ np.exp(-np.outer(found.rates, lags)) / kernel - 1.0).max()
+        if error <= 0.9 * rtol:
+            return found
+    raise ValueError(f"rtol must be at least {1.2 * error:.1g} for that step, horizon and slip_range, got {rtol:g}")
+
+
+@lru_cache(maxsize=32)
+def _local(degree: int, c1: float, low: float, high: float, fine: bool) -> SlipTable:
+    """Weights of the newest samples for ln C^(2/3) between `low` and `high`, see `Memory`; as ratios to Basset's, with which the grid ends.
+
+    Any slip in the range lies on the grid or has Basset's weights.
+    """
+    # panels that shrink towards s = 0, down to 1e-18 of the whole, and one for each later step
+    levels = 125 + max(0, math.ceil(high / math.log(2.0)))
+    edges = np.concatenate([[0.0], 2.0 ** -np.arange(float(levels))[::-1], np.arange(2.0, degree + 2.0)])
+    x, w = gauss_legendre(20)
+    s = (edges[:-1, None] + np.diff(edges)[:, None] * x).ravel()
+    weighted = (np.diff(edges)[:, None] * w).ravel() / np.sqrt(s)
+    rows = np.zeros((degree + 1, degree + 1, len(s)))
+    for n in range(1, degree + 2):
+        count, end = min(n, degree) + 1, n if n <= degree else degree // 2 + 1
+        rows[n - 1, :count] = np.where(s < end, weighted, 0.0) * lagrange(np.arange(float(count)), s)[0].T
+    sums, (step, reach) = rows.reshape(-1, len(s)), grid_of(c1, fine)
+    basset, begin = np.asarray(sums.sum(axis=1)), -high - 0.005 * step
+    points, coefficients = pieces(begin, max(1, math.ceil((high - max(low, -reach)) / step + 0.01)), step)
+    ratios = (1.0 + np.exp(-1.5 / c1 * (points[..., None] - np.log(s)))) ** -c1 @ sums.T / np.where(basset == 0.0, 1.0, basset)
+    return SlipTable(basset, np.zeros(0), begin, 1.0 / step, np.ascontiguousarray(np.moveaxis(ratios, -1, 0) @ coefficients))
 
 
 def _unit_kernel(bend: float, c1: float) -> MeiAdrianKernel:
@@ -579,7 +619,7 @@ def plan(rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> Va
         If the rule has no such form.
     """
     if isinstance(rule, Exponential):
-        return ClockPlan(rule, dt, horizon, kernel)
+        return SumPlan(rule, dt, horizon, kernel)
     if isinstance(rule, Daitche) or (isinstance(rule, Windowed) and rule.tail is None and isinstance(rule.rule, Daitche)):
         return DirectPlan(rule, dt, horizon, kernel)
     raise ValueError(f"rule must be Daitche, Windowed(Daitche) without tail, or Exponential for a slip that varies, got {_validate.shown(rule)}")

@@ -35,7 +35,6 @@ from basset.kernels import BassetKernel, Floats
 __all__ = ["slip_weights", "spectral_ratio"]
 
 _DEGREE = 7  # eight coefficients: one cache line
-_STEP = 0.5  # of the table, in ln λ
 _POINTS = 18  # of half the contour, whose error is 2.85^(-2·_POINTS) = 4e-17; more only add rounding
 _SLOWEST = 1e-150  # below, ρ is its power law before the parts of the sum overflow
 _FARTHEST = 1e100  # of C^(2/3)·horizon, beyond which K(s; C) has vanished beside the Basset kernel
@@ -249,42 +248,50 @@ def slip_weights(basset_sum: ExponentialSum, steepness: float, c1: float = 2.0, 
     steepness = _validate.non_negative("steepness", steepness, "s^(-3/2)")
     if steepness == 0.0:
         return basset_sum.weights.copy()
-    stretch = np.array(steepness ** (2.0 / 3.0))
-    weights = basset_sum.weights * spectral_ratio(basset_sum.rates / stretch, c1)
+    return weights_at(basset_sum, np.array(steepness ** (2.0 / 3.0)), c1, horizon)
+
+
+def weights_at(basset_sum: ExponentialSum, stretch: Floats, c1: float, horizon: float | None) -> Floats:
+    """`slip_weights` (…, terms) for each C^(2/3) > 0 in `stretch` (…)."""
+    ratios = spectral_ratio(basset_sum.rates / stretch[..., None], c1)
     if horizon is not None:
         slow = _slow(basset_sum, horizon)
-        weights[:slow] = basset_sum.weights[:slow] * _matched(basset_sum, stretch, c1, horizon, slow)
-    return np.asarray(weights)
+        ratios[..., :slow] = _matched(basset_sum, stretch, c1, horizon, slow)
+    return np.asarray(basset_sum.weights * ratios)
 
 
-def _fitted(c1: float) -> tuple[float, int, Any, Any]:
-    """Low end and cells of the grid, its points (cells, 8) in ln λ, and the matrix from values there to coefficients."""
-    reach = math.log(1e10 * c1) / (1.5 / c1)  # where ρ is a power law and where it is 1, within 1e-10
-    cells = 2 * math.ceil(reach / _STEP)
-    low = -0.5 * cells * _STEP
+def grid_of(c1: float, fine: bool) -> tuple[float, float]:
+    """Step of tables in ln λ, and |ln λ| beyond which ρ is a power law or 1 (−ln C^(2/3)s: K(s; C) is Basset's), for errors of 2e-10 or of 1e-12."""
+    step, precision = (0.25, 1e13) if fine else (0.5, 1e10)
+    return step, math.log(precision * c1) / (1.5 / c1)
+
+
+def pieces(low: float, cells: int, step: float) -> tuple[Floats, Floats]:
+    """Points (cells, 8) of a grid from `low` on, and the matrix from values there to the coefficients that `ratio_at` takes."""
     u = np.cos(math.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
-    points = low + _STEP * (np.arange(cells)[:, None] + 0.5 * (1.0 + u))
-    return low, cells, points, np.linalg.inv(np.vander(u, increasing=True)).T
+    return low + step * (np.arange(cells)[:, None] + 0.5 * (1.0 + u)), np.linalg.inv(np.vander(u, increasing=True)).T
 
 
 @lru_cache(maxsize=8)
-def spectral_table(c1: float = 2.0) -> SpectralTable:
+def spectral_table(c1: float = 2.0, fine: bool = False) -> SpectralTable:
     """The table of ρ, one row, for `ratio_at`. Errors as `spectral_ratio`; made once per c1, in some three milliseconds."""
     c1 = _checked_c1(c1)
-    low, _, points, coefficients = _fitted(c1)
+    step, reach = grid_of(c1, fine)
+    half = math.ceil(reach / step)
+    points, coefficients = pieces(-half * step, 2 * half, step)
     values = np.ascontiguousarray((spectral_ratio(np.exp(points), c1) @ coefficients)[None])
     values.flags.writeable = False
-    return SpectralTable(low, 1.0 / _STEP, values)
+    return SpectralTable(-half * step, 1.0 / step, values)
 
 
 @lru_cache(maxsize=32)
-def slip_table(basset_sum: ExponentialSum, c1: float = 2.0, horizon: float | None = None) -> SlipTable:
+def slip_table(basset_sum: ExponentialSum, c1: float = 2.0, horizon: float | None = None, fine: bool = False) -> SlipTable:
     """The weights of `slip_weights` as a table. Parameters and errors as there; made once per sum, in some twenty milliseconds."""
     c1, horizon = _checked_c1(c1), _checked(basset_sum, horizon)
-    low, inverse_step, values = spectral_table(c1)
+    low, inverse_step, values = spectral_table(c1, fine)
     log_rates = np.log(basset_sum.rates)
     if horizon is not None:
-        _, _, points, coefficients = _fitted(c1)
+        points, coefficients = pieces(low, values.shape[1], 1.0 / inverse_step)
         slow = _slow(basset_sum, horizon)
         # at the same C for all: near-dependent terms scatter together, and only together is that harmless
         matched = _matched(basset_sum, np.exp(-points) / horizon, c1, horizon, slow)
@@ -296,7 +303,7 @@ def slip_table(basset_sum: ExponentialSum, c1: float = 2.0, horizon: float | Non
 
 @shared
 def ratio_at(low: float, inverse_step: float, values: Floats, row: int, log_rate: float) -> float:
-    """A tabulated ratio at ln(λ C^(-2/3)), for compiled code, in some 4 ns: relative error below 2e-10 (6e-9 for c1 = 1.5).
+    """A tabulated ratio at ln(λ C^(-2/3)), for compiled code, in some 4 ns: relative error below 2e-10 (6e-9 for c1 = 1.5), of a fine table 1e-12.
 
     1 above the grid (so also for C = 0, where the argument is infinite), the power 3/2 of the rate below it; NaN for NaN.
     """

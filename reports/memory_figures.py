@@ -27,7 +27,6 @@ SETS = {"van Hinsberg": (RED, "s"), "Casas I2t": (ORANGE, "o"), "Casas I1": (PIN
 EVALUATIONS = {
     "mean slip": (GREY, "x", "kernel of the mean slip"),
     "slip at τ": (ORANGE, "o", "slip at τ"),
-    "inner clock": (BLUE, "D", "inner clock"),
 }
 
 
@@ -197,7 +196,6 @@ def varying(data: Record, base_amplitude: float = 0.5, base_frequency: float = 2
         x = [r[key] * (data["time_scale"] if key == "frequency" else 1.0) for r in rows]
         for name, (colour, marker, label) in EVALUATIONS.items():
             axes.loglog(x, [r["differences"][name] for r in rows], color=colour, marker=marker, label=f"{label} – slip at t")
-        axes.loglog(x, [r["clock_tau"] for r in rows], "--", color=GREEN, marker="P", label="inner clock – slip at τ")
     panels[0].set(
         title=f"ω = {base_frequency:g} s$^{{-1}}$", xlabel="amplitude a of U = U$_0$(1 + a sin ωt)", ylabel="largest difference / largest |H|", ylim=(1e-3, 2)
     )

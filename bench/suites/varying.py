@@ -21,7 +21,7 @@ FLOORS = (0.1, 0.03, 0.01, 0.003)  # smallest slip admitted, in U0, where the sl
 
 def evaluations(kernel: dict[str, Any], dt: float, horizon: float) -> dict[str, Any]:
     """The three ways to let the kernel follow the slip, planned."""
-    rules = {"slip at t": basset.Daitche(3), "slip at τ": basset.Daitche(3), "inner clock": basset.Exponential(3, PROMISE)}
+    rules = {"slip at t": basset.Daitche(3), "slip at τ": basset.Daitche(3), "exponentials": basset.Exponential(3, PROMISE)}
     return {name: rule.plan(dt, horizon, VaryingSlipKernel(**kernel, slip_at="tau" if name == "slip at τ" else "t")) for name, rule in rules.items()}
 
 
@@ -48,17 +48,7 @@ def compared(amplitude: float, frequency: float, low: float) -> dict[str, Any]:
         "outside": outside,
         "n": steps + 1,
         "differences": {name: float(np.abs(other - found["slip at t"]).max() / scale) for name, other in values.items() if name != "slip at t"},
-        "clock_tau": float(np.abs(found["inner clock"] - found["slip at τ"]).max() / scale),
     }
-
-
-def steady() -> float:
-    """The inner clock against the direct sum where the slip does not vary, relative."""
-    dt, steps = 2.0 * math.pi / FREQUENCY / PERIOD_STEPS, PERIODS * PERIOD_STEPS
-    rate = np.cos(FREQUENCY * dt * np.arange(steps + 1.0))
-    kernel = {"diameter": DIAMETER, "viscosity": VISCOSITY, "slip_range": (SLIP * 0.5, SLIP * 2.0)}
-    found = {name: plan.run(plan.start(), rate, slip=np.full(steps + 1, SLIP)) for name, plan in evaluations(kernel, dt, steps * dt).items()}
-    return float(np.abs(found["inner clock"] - found["slip at t"]).max() / np.abs(found["slip at t"]).max())
 
 
 def costs() -> list[dict[str, Any]]:
@@ -90,7 +80,7 @@ def costs() -> list[dict[str, Any]]:
 
 
 def run(full: bool) -> dict[str, Any]:
-    """A slip that varies in time: slip at t, slip at τ, and the inner clock."""
+    """A slip that varies in time: slip at t, slip at τ, and the slip at t by exponentials whose weights follow it."""
     amplitudes, frequencies = (AMPLITUDES, FREQUENCIES) if full else (AMPLITUDES[::2], FREQUENCIES[:3])
     cases = [(a, FREQUENCY) for a in amplitudes] + [(AMPLITUDE, w) for w in frequencies if w != FREQUENCY]
     reversing = [(1.0, low) for low in (FLOORS if full else FLOORS[::2])] + ([(1.5, low) for low in FLOORS] if full else [])
@@ -101,7 +91,6 @@ def run(full: bool) -> dict[str, Any]:
         "periods": PERIODS,
         "promise": PROMISE,
         "time_scale": basset.MeiAdrianKernel(SLIP, DIAMETER, VISCOSITY).steepness ** (-2.0 / 3.0),
-        "steady": steady(),
         "records": [compared(a, w, 0.9 * (1.0 - a)) for a, w in cases],
         "stopping": [compared(a, FREQUENCY, low) for a, low in reversing],
         "costs": costs(),

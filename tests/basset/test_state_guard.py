@@ -55,15 +55,15 @@ def test_read_only_big_endian_and_single_precision_states():
 
 def test_streams_with_varying_slip_guard_theirs():
     kernel = VaryingSlipKernel(1e-3, 1e-6, (0.01, 0.1))
-    clock, direct = Exponential(3).plan(0.01, 1.0, kernel), Daitche(3).plan(0.01, 1.0, kernel)
+    following, direct = Exponential(3).plan(0.01, 1.0, kernel), Daitche(3).plan(0.01, 1.0, kernel)
     with pytest.raises(ValueError, match="state must belong to this plan"):
-        clock.push(direct.start(2), [1.0, 2.0], 0.05)
+        following.push(direct.start(2), [1.0, 2.0], 0.05)
     with pytest.raises(TypeError, match="state must be what"):
-        clock.push(PLANS_OF_ALL_KINDS["exponential"].start(2), [1.0, 2.0], 0.05)
+        following.push(PLANS_OF_ALL_KINDS["exponential"].start(2), [1.0, 2.0], 0.05)
     with pytest.raises(ValueError, match="age must be 0 for a kernel whose slip varies"):
-        state = clock.start()
-        clock.push(state, 1.0, 0.05)
-        clock.jump(state, 1.0, 0.005)
+        state = following.start()
+        following.push(state, 1.0, 0.05)
+        following.jump(state, 1.0, 0.005)
 
 
 @pytest.mark.parametrize("rule", [Daitche(3), Exponential(3), Windowed(Daitche(2), 0.1)])
