@@ -18,7 +18,7 @@ from basset.kernels import Floats
 from saltation._random import uniforms
 
 SPAN, LADDER, FIRST = 16.0, 8, 0.02  # longest step (d/u*), sizes per octave, first step of a flight
-SHORTEST = 0.02  # d/u*: the tolerance follows the likely length of a flight, down to this share
+SHORTEST = 0.01  # the tolerance follows the likely length of a flight, down to this share
 ACCURATE, MOST = 0.03, 30  # the stages: share of the tolerance, iterations
 STEEPEST = math.radians(30.0)
 DEPTH = 0.25  # of the bed level below the crests, d
@@ -351,9 +351,13 @@ def top_of(path, y, theta, top):
 
 
 @shared
-def at_scale(case, scale):
-    """The case with its tolerance times `scale`."""
-    c = case
+def for_flight(case, y, likely):
+    """The case with the tolerance of a flight from y that is likely to last so long."""
+    fall = -rates(case, y[1], y[2], y[3])[3]
+    if fall > 0.0:
+        likely = min(likely, 2.0 * max(0.0, y[3]) / fall)
+    likely = min(1.0, likely)
+    c, scale = case, max(SHORTEST, likely * (0.4 + 0.6 * likely))
     bed = c.restitution, c.retention, c.seed
     return Case(c.alpha, c.along, c.normal, c.drag, c.reynolds, bed[0], bed[1], bed[2], scale * c.tolerance, c.floor, c.profile, c.slope)
 
@@ -368,6 +372,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
         smooth, known, fresh, near = False, False, True, False
         steps, impacts, done = 0, 0, 0
         whole, launched = case, y[3]
+        case = for_flight(whole, y, math.inf)
         while done < len(jumps):
             h, error = 0.0, math.inf
             while not error <= 1.0:
@@ -437,8 +442,7 @@ def _make_fly(digest: str) -> Callable[..., Any]:
             done += 1
             step = max(case.floor, min(FIRST, 0.5 * (time - start)))
             y[0], y[1], y[2], y[3] = end, height, u - velocity, w
-            likely = (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))
-            case, launched = at_scale(whole, min(1.0, max(SHORTEST, likely))), w
+            case, launched = for_flight(whole, y, (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))), w
             start, x, bottom, top = time, end, height, height
             smooth, known, fresh = False, False, True
         return steps

@@ -233,7 +233,7 @@ def picture(data: Record) -> CloudResult:
     path = shown["path"]
     values = np.stack([np.array(path[name], dtype=np.float64) for name in ("x", "y", "z", "u", "v", "w")], axis=2)
     scene = scene_of(shown["scene"])
-    kept = path_dataset(np.array(shown["time"]), values, {"diameter": scene.numbers.diameter, "velocity": scene.numbers.velocity})
+    kept = path_dataset(scene, np.array(shown["time"]), values)
     met_rows = np.array([shown["encounters"][name] for name in COLUMNS], dtype=np.float64).T
     fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
     return CloudResult(scene, pd.DataFrame(shown["jumps"]), encounter_table(met_rows), fates, "finished", "", shown["provenance"], shown["end"], kept)
