@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, is_compiled, placed, tabulate
+from basset._compile import compiled, is_compiled, placed, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
@@ -47,18 +47,14 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
         Where a system needs more than steps and events its code says so: nothing of it is recorded.
         """
         digest  # noqa: B018 - part of the cache key
-        state, numbers, signal, problem = p.state, p.state.numbers, p.room.signal, p.problem
+        state, numbers, problem = p.state, p.state.numbers, p.problem
         done, j = 0, first
         while j < len(columns.codes):
             begun, logged = done, found.logged[0]
             for k in range(columns.tables.shape[0]):
                 for a in range(columns.arguments.shape[1]):
                     columns.tables[k, a] = columns.arguments[j, a]
-            for a in range(len(numbers)):
-                numbers[a] = 0.0
-            numbers[stepper.TIME] = numbers[stepper.JUMPED] = start
-            numbers[stepper.STEP] = numbers[stepper.FIRST] = step
-            numbers[stepper.SINGULAR], numbers[stepper.SCALE] = 1.0 if len(problem.where) > 0 else 0.0, 1.0
+            stepper.set_out(numbers, start, step, len(problem.where) > 0)
             for a in range(len(state.y)):
                 state.y[a], state.rate[a] = columns.y0[j, a], 0.0
             for a in range(len(motion.held)):
@@ -77,16 +73,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
                         break
                     found.logged[0] = logged
                     return j
-                call(attempt, 0.0, signal, 0, signal, 0, signal)
-                code = int(signal[0, 0])
-                taken = False
-                if code == stepper.ACCEPTED and watching:
-                    call(watch, float(done), signal, 0, signal, 0, signal)
-                    code, taken = int(signal[0, 0]), signal[0, 1] == 1.0
-                if code == stepper.ACCEPTED:
-                    stepper.keep(p, record, done, 1.0)
-                    stepper.accept(p)
-                    taken = True
+                code, taken = stepper.advance(attempt, watch, watching, p, record, done)
                 if taken:
                     done += 1
             columns.codes[j], columns.calls[j] = code, numbers[stepper.CALLS]
@@ -120,6 +107,8 @@ class Block:
         try:
             one = Integration(self.method, first, Trace([first.start], [first.y0.copy()], []))
         except SolverError:
+            return [self._alone(task) for task in self.tasks]
+        if not len(one.tables.unit.local):  # the tables of the last step would have to come from Python
             return [self._alone(task) for task in self.tasks]
         return self._marched(one)
 

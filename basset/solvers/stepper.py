@@ -1085,6 +1085,22 @@ def watched(given: Watch, t: float, y: Any, out: Any, own: Any) -> None:
 watch_entry = entry(watched, "some 10 s")
 
 
+@shared
+def advance(attempt: Any, watch: Any, watching: bool, p: Parts, record: Record, done: int) -> tuple[int, bool]:
+    """Find the next step, number `done` of the record, and take it up to where something cuts it: (ACCEPTED, FULL at a cut, or why not; whether taken)."""
+    signal = p.room.signal
+    call(attempt, 0.0, signal, 0, signal, 0, signal)
+    code, taken = int(signal[0, 0]), False
+    if code == ACCEPTED and watching:
+        call(watch, float(done), signal, 0, signal, 0, signal)
+        code, taken = int(signal[0, 0]), signal[0, 1] == 1.0
+    if code == ACCEPTED:
+        keep(p, record, done, 1.0)
+        accept(p)
+        taken = True
+    return code, taken
+
+
 def _make_march(digest: str) -> Callable[..., Any]:
     def march(attempt, watch, watching, p, logged, most, record, recording):
         """Take steps until something needs the caller; (code, steps recorded).
@@ -1093,17 +1109,9 @@ def _make_march(digest: str) -> Callable[..., Any]:
         record's first place is overwritten.
         """
         digest  # noqa: B018 - part of the cache key
-        done, signal = 0, p.room.signal
+        done = 0
         while done < len(record.start) and logged[0] <= most:
-            call(attempt, 0.0, signal, 0, signal, 0, signal)
-            code, taken = int(signal[0, 0]), False
-            if code == ACCEPTED and watching:
-                call(watch, float(done), signal, 0, signal, 0, signal)
-                code, taken = int(signal[0, 0]), signal[0, 1] == 1.0
-            if code == ACCEPTED:
-                keep(p, record, done, 1.0)
-                accept(p)
-                taken = True
+            code, taken = advance(attempt, watch, watching, p, record, done)
             if taken and recording:
                 done += 1
             if code not in (ACCEPTED, FULL):
@@ -1130,10 +1138,18 @@ def room(stages: int, states: int, diagonal: bool = False) -> Room:
     return Room(**arrays)
 
 
+@shared
+def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
+    """Make the numbers those of a state that sets out."""
+    for k in range(len(numbers)):
+        numbers[k] = 0.0
+    numbers[TIME] = numbers[JUMPED] = start
+    numbers[STEP] = numbers[FIRST] = step
+    numbers[SINGULAR], numbers[SCALE] = 1.0 if singular else 0.0, 1.0
+
+
 def start_numbers(start: float, step: float, singular: bool) -> Floats:
     """The numbers of a state that sets out."""
     numbers = np.zeros(NUMBERS)
-    numbers[TIME] = numbers[JUMPED] = start
-    numbers[STEP] = numbers[FIRST] = step
-    numbers[SINGULAR], numbers[SCALE] = float(singular), 1.0
+    set_out(numbers, start, step, singular)
     return numbers

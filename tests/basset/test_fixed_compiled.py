@@ -6,6 +6,7 @@ from functools import lru_cache, partial
 import numba
 import numpy as np
 import pytest
+from compilations import Compilations
 
 import basset
 from basset.measure import observed_orders
@@ -107,17 +108,6 @@ def test_python_is_entered_as_often_whatever_the_number_of_steps(monkeypatch, ma
     assert found[0] == found[1]
     assert found[0].count("steps") == 2
     assert len(found[0]) < 12
-
-
-class Compilations(numba.core.event.Listener):
-    def __init__(self):
-        self.names = []
-
-    def on_start(self, event):
-        self.names.append(event.data["dispatcher"].py_func.__name__)
-
-    def on_end(self, event):
-        pass
 
 
 def test_another_fun_compiles_no_loop():

@@ -122,6 +122,28 @@ def test_behind_the_end_of_one_there_is_nothing():
         assert np.isnan(many.y[:, behind, j]).all() and np.isfinite(many.y[:, ~behind, j]).all()
 
 
+@pytest.mark.parametrize(
+    "form", [np.asfortranarray, lambda x: np.repeat(x, 2, axis=-1)[..., ::2], lambda x: x.astype(np.float32), lambda x: np.round(x).astype(int)]
+)
+def test_arrays_of_any_form_are_read_and_left_alone(form):
+    """Columns in any order of memory, strided, single precision, whole numbers; read-only, and as they were."""
+    given = [form(array) for array in (STATES, STIFFNESS, COEFFICIENTS)]
+    for array in given:
+        array.flags.writeable = False
+    states, stiffness, coefficients = given
+    many = basset.solve(swings, (0.0, 2.0), states, memory=[1], coefficient=coefficients, args=(stiffness,))
+    for j in (0, 11):
+        own = np.array(states[:, j], dtype=float)
+        same(many, basset.solve(swings, (0.0, 2.0), own, memory=[1], coefficient=np.array(coefficients[:, j], dtype=float), args=(float(stiffness[j]),)), j)
+
+
+def test_a_kernel_without_tables_of_its_own_for_any_step():
+    """Mei and Adrian's at a fixed slip: one after the other, to the same bits."""
+    kernel = basset.MeiAdrianKernel(0.1, 1e-3, 1e-6)
+    many = basset.solve(swings, (0.0, 2.0), STATES[:, :5], memory=[1], coefficient=0.4, kernel=kernel, args=(STIFFNESS[:5],), workers=2)
+    same(many, basset.solve(swings, (0.0, 2.0), STATES[:, 4], memory=[1], coefficient=0.4, kernel=kernel, args=(float(STIFFNESS[4]),)), 4)
+
+
 @numba.njit
 def breaks_down(t, y, when):
     rates = np.empty(2)

@@ -2,6 +2,7 @@
 
 import numba
 import pytest
+from compilations import Compilations
 from scene_cases import scene
 
 import saltation
@@ -14,19 +15,6 @@ SETS = (
     {"effects": ["weight", "drag", "added_mass", "lift", "history", "magnus", "rotation"]},
     {"effects": ["weight", "drag", "history"], "bed": {"rebound": "sliding_only", "roughness": "R2"}},
 )
-
-
-class Compilations(numba.core.event.Listener):
-    """Names of the functions that are compiled, nested ones too."""
-
-    def __init__(self):
-        self.names = []
-
-    def on_start(self, event):
-        self.names.append(event.data["dispatcher"].py_func.__name__)
-
-    def on_end(self, event):
-        pass
 
 
 @pytest.mark.parametrize("solver", [{}, {"method": "fixed_step", "dt": 0.01}], ids=["graded", "fixed"])
