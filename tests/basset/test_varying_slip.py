@@ -82,7 +82,7 @@ def test_the_error_asked_for_is_kept(start, rtol):
         basset.solve(rate, (0.0, END), [start], coefficient=STRENGTH, kernel=KERNEL, method=basset.Collocation(rtol=r), t_eval=times).y[0]
         for r in (1e-10, rtol)
     )
-    assert np.abs(found - exact).max() < 2.0 * rtol * np.abs(exact).max()
+    assert np.abs(found - exact).max() < rtol * np.abs(exact).max()
 
 
 def test_a_slip_in_two_directions_is_one_slip():
