@@ -1,4 +1,4 @@
-"""The README's Python lines and every command in it: run as they stand, long ones shortened by what is said here."""
+"""The Python lines of the README and every command in it and in the guide: run as they stand, long ones shortened by what is said here."""
 
 import contextlib
 import os
@@ -21,7 +21,7 @@ from saltation import advice, campaigns
 from saltation.scene import shipped
 
 ROOT = Path(__file__).resolve().parents[2]
-TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+TEXT = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "reports/guide.md"))
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.S | re.M)
 PYTHON = [code for language, code in BLOCKS if language == "python"]
 LINES = [line.split("  #")[0].strip() for language, code in BLOCKS if not language for line in code.splitlines()]
