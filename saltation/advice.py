@@ -48,25 +48,7 @@ PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time,
 
 @dataclass(frozen=True)
 class Verdict:
-    """What an effect does in a typical jump.
-
-    Attributes
-    ----------
-    effect : str
-        Its name in a scene.
-    present : bool
-        Whether the scene has it.
-    share : float, dimensionless
-        Of the weight, see `advise`; 1 for a spin that is prescribed.
-    verdict, reason, source : str
-        A word, why, and whose formula.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> next(row for row in advise(saltation.load("sand")) if row.effect == "weight").verdict
-    'needed'
-    """
+    """What an effect does in a typical jump: is it in the scene, its share of the weight (1 for a prescribed spin), a word, why, and whose formula."""
 
     effect: str
     present: bool
@@ -78,57 +60,17 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Typical:
-    """A typical jump.
+    """A typical jump."""
 
-    Attributes
-    ----------
-    height : float, d
-    duration : float, d/V
-    rise, speed : float, V
-        Takeoff speed up and mean speed along.
-    spin : float, V/d
-
-    Examples
-    --------
-    >>> import saltation
-    >>> jump = typical(saltation.load("sand"))
-    >>> jump.height > 1.0, jump.duration > 0.0
-    (True, True)
-    """
-
-    height: float
-    duration: float
-    rise: float
-    speed: float
-    spin: float
+    height: float  # d
+    duration: float  # d/V
+    rise: float  # V, at takeoff, upwards
+    speed: float  # V, mean along the stream
+    spin: float  # V/d
 
 
 def typical(scene: Any) -> Typical:
-    """The jump that the published regressions give at the scene's R_p and T (at least T = 1.2); in still water one diameter high.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Typical
-
-    Raises
-    ------
-    SceneError
-        For a grain as heavy as its fluid.
-
-    References
-    ----------
-    The regressions of `saltation.regressions`, their means; the takeoff and the spin: this library.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> typical(saltation.load("settling")).height
-    1.0
-    """
+    """The jump that the means of `saltation.regressions` give at the scene's R_p and T (at least T = 1.2); in still water one diameter high."""
     numbers = scene.numbers
     if not math.isfinite(numbers.shields):
         raise SceneError(f"grain.density must differ from the fluid's for a typical jump, got {scene.grain.density:g} kg/m3 for both")
@@ -144,30 +86,11 @@ def typical(scene: Any) -> Typical:
 
 
 def advise(scene: Any) -> list[Verdict]:
-    """Which effects a scene calls for, from its dimensionless numbers alone.
+    """Which effects a scene calls for, from its dimensionless numbers alone: one verdict per effect known.
 
-    Parameters
-    ----------
-    scene : Scene
+    The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over the jump, Δ twice the
+    takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump; for encounters their number per jump.
 
-    Returns
-    -------
-    list of Verdict, one per effect known
-        The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over
-        the jump, Δ twice the takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump;
-        for encounters their number per jump.
-
-    Raises
-    ------
-    SceneError
-        For a grain as heavy as its fluid.
-
-    References
-    ----------
-    The forces: each effect's `source`; the estimate: this library.
-
-    Examples
-    --------
     >>> import saltation
     >>> {row.effect: row.verdict for row in advise(saltation.load("sand"))}["history"]
     'keep'
@@ -229,13 +152,7 @@ def _situation(scene: Any, jump: Typical, when: float, where: float) -> Situatio
 
 
 def changed(scene: Any, **tables: Any) -> Any:
-    """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
-
-    Raises
-    ------
-    SceneError
-        If there is no such scene.
-    """
+    """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out. SceneError if there is no such scene."""
     content = scene.model_dump(exclude_none=True)
     if "effects" in tables:
         content.pop("chosen", None)  # it belongs to the effects that were
@@ -313,40 +230,12 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
-    """Run a scene with each of its effects left out, one at a time, all with the scene's seed.
+    """Run a scene with each of its effects left out, one at a time, all with the scene's seed; it needs a bed.
 
-    Parameters
-    ----------
-    scene : Scene
-        With a bed: it is jumps that are compared.
-    executor : concurrent.futures.Executor, optional
-        As for `saltation.campaign`.
-    error : float, dimensionless
-        Wanted relative standard error of the mean height; decides how many jumps are flown (20 000 at most). A scene that
-        runs for a time is flown as long as it says.
-    progress : callable or None
-        Called with the share that is done, 0 to 1 (dimensionless).
-
-    Returns
-    -------
-    DataFrame
-        Index: "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
-        relative `_change` against the full scene and the `_error` (one standard error) of that (in the first row of its own mean),
-        and time: seconds per jump over those of the full scene (NaN for runs for a time, and for those that do not finish).
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     ablate(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
+    `error`: wanted relative standard error of the mean height, which decides how many jumps are flown (20 000 at most); a scene that runs for a time is flown
+    as long as it says. Rows "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
+    relative `_change` against the full scene and the `_error` (one standard error) of that (in the first row of its own mean), and time: seconds per jump
+    over those of the full scene (NaN for runs for a time, and for those that do not finish).
     """
     cases = reduced(scene)
     table = compare(enough(cases, error, executor, progress)[0])
@@ -394,42 +283,12 @@ def bound(row: pd.Series) -> float:
 
 
 def choose(scene: Any, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
-    """The scene with few effects: those that keep its mean H, L and ū within a tolerance of those with all of them.
+    """The scene with few effects: those that keep its mean H, L and ū within a relative tolerance (default the scene's, or 0.05) of those with all of them.
 
-    Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out
-    together; while that is too much, the one that changes most is put back. What can only then be left out is tried last.
-    A bound is that of one look: looking again and at many effects makes a wrong one likelier than 5 %, for changes next to the tolerance.
-    The same scene always comes to the same choice. A scene that does not finish with all its effects keeps them.
-
-    Parameters
-    ----------
-    scene : Scene
-        With a bed and all effects that are considered.
-    tolerance : float, dimensionless
-        Relative, above 0 and at most 0.5; default the scene's, or 0.05.
-    executor, progress
-        As for `ablate`, the share dimensionless.
-
-    Returns
-    -------
-    Scene
-        Its field `chosen` (`saltation.scene.Chosen`) holds the evidence.
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-    ValueError
-        If the tolerance is out of its range.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     choose(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
+    Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out together; while that is too
+    much, the one that changes most is put back. What can only then be left out is tried last. A bound is that of one look: looking again and at many effects
+    makes a wrong one likelier than 5 %, for changes next to the tolerance. The same scene always comes to the same choice. A scene that does not
+    finish with all its effects keeps them. The field `chosen` of what is returned holds the evidence.
     """
     if tolerance is None:
         tolerance = scene.tolerance or TOLERANCE
@@ -520,24 +379,7 @@ def shown(row: pd.Series) -> float | str:
 
 
 def variants(scene: Any) -> dict[str, dict[str, Any]]:
-    """Scenes that differ from this one in one choice; what makes no scene is left out.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    dict of dict of Scene
-        Choice -> value -> scene.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> found = variants(saltation.load("sand"))
-    >>> all(isinstance(scene, saltation.scene.Basis) for values in found.values() for scene in values.values())
-    True
-    """
+    """Choice -> value -> scene: the scenes that differ from this one in one choice; what makes no scene is left out."""
     found: dict[str, dict[str, Any]] = {}
     for choice, values in _choices(scene).items():
         for value, change in values.items():
@@ -566,36 +408,10 @@ def _choices(scene: Any) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
 
 
 def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
-    """The spread over the choices that measurement has not settled, one at a time, beside the standard error.
+    """The spread over the choices that measurement has not settled, one at a time, beside the standard error; the scene needs a bed.
 
-    Parameters
-    ----------
-    scene : Scene
-        With a bed.
-    executor, progress
-        As for `ablate`, the share dimensionless.
-    error : float, dimensionless
-        Wanted relative standard error of the mean height.
-
-    Returns
-    -------
-    DataFrame
-        One row per choice and value, the scene itself first ("scene", "as given"): choice, value, status, jumps, height (d), length (d),
-        velocity (u*), relative changes and their standard errors as for `ablate`.
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     uncertainty(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
+    One row per choice and value, the scene itself first ("scene", "as given"): choice, value, status, jumps, height (d), length (d), velocity (u*),
+    relative changes and their standard errors as for `ablate`.
     """
     require_bed(scene)
     scene = listed(scene)
@@ -608,25 +424,7 @@ def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 
 
 
 def spreads(table: pd.DataFrame) -> pd.DataFrame:
-    """Lowest and highest mean of H, L and ū over each choice's values that finish, over that of the scene itself.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `uncertainty`, units as there.
-
-    Returns
-    -------
-    DataFrame, one row per choice, dimensionless
-        choice; of height, length and velocity `_low` and `_high`.
-
-    Examples
-    --------
-    >>> row = {"choice": "scene", "status": "finished", "height": 2.0, "length": 10.0, "velocity": 5.0}
-    >>> rows = [row, row | {"choice": "drag", "height": 3.0}, row | {"choice": "drag", "height": 1.0}]
-    >>> spreads(pd.DataFrame(rows))[["height_low", "height_high"]].values.tolist()
-    [[0.5, 1.5]]
-    """
+    """Lowest and highest mean of H, L and ū over each choice's values that finish (`_low`, `_high`), over that of the scene itself; from `uncertainty`."""
     base = table.iloc[0]
     finished = table[table["status"] == "finished"]
     rows = []
@@ -639,33 +437,9 @@ def spreads(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def combinations(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> pd.DataFrame:
-    """Every choice combined with every other, some hundred runs of 300 jumps each.
+    """Every choice combined with every other, some hundred runs of 300 jumps each; the scene needs a bed.
 
-    Parameters
-    ----------
-    scene : Scene
-        With a bed.
-    executor, progress
-        As for `ablate`, the share dimensionless.
-
-    Returns
-    -------
-    DataFrame
-        One row per combination: a column per choice with its value, status, height (d), length (d), velocity (u*).
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     combinations(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
+    One row per combination: a column per choice with its value, status, height (d), length (d), velocity (u*).
     """
     require_bed(scene)
     scene = long(listed(scene), COMBINED)
@@ -682,29 +456,10 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
 
 
 def shares(table: pd.DataFrame) -> pd.DataFrame:
-    """How much of the spread each choice makes by itself.
+    """How much of the spread of H, L and ū over `combinations` each choice makes by itself; what is missing to 1 is interplay.
 
-    Parameters
-    ----------
-    table : DataFrame
-        From `combinations`, units as there.
-
-    Returns
-    -------
-    DataFrame, one row per choice, dimensionless
-        For H, L and ū the variance of the means over its values of the logarithm, over the variance of all that finish. What is
-        missing to 1 is interplay.
-
-    References
-    ----------
-    A first Sobol index: Sobol (1993), Math. Model. Comput. Exp. 1, 407.
-
-    Examples
-    --------
-    >>> rows = [(law, stream, "finished", height, 9.0 * height, height) for law, height in (("yen", 1.0), ("rubey", 2.0)) for stream in "ab"]
-    >>> table = pd.DataFrame(rows, columns=["drag", "profile", "status", "height", "length", "velocity"])
-    >>> shares(table)["height"].round(12).tolist()  # the law of drag does it all
-    [1.0, 0.0]
+    The variance of the means over its values of the logarithm, over the variance of all that finish: a first Sobol index,
+    Sobol (1993), Math. Model. Comput. Exp. 1, 407.
     """
     finished = table[(table["status"] == "finished") & (table["height"] > 0.0)]
     logarithms = np.log(finished[list(VARIABLES)].astype(float))
@@ -717,22 +472,5 @@ def shares(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def extent(table: pd.DataFrame) -> pd.DataFrame:
-    """The 5, 50 and 95 % quantiles of H, L and ū over all combinations that finish.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `combinations`, units as there.
-
-    Returns
-    -------
-    DataFrame, three rows
-        height and length (d) and velocity (u*) by quantile.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"status": ["finished", "finished", "aloft"], "height": [1.0, 3.0, 99.0], "length": 9.0, "velocity": 5.0})
-    >>> extent(table).loc[0.5, "height"]
-    np.float64(2.0)
-    """
+    """The 5, 50 and 95 % quantiles of H (d), L (d) and ū (u*) over all `combinations` that finish."""
     return table.loc[table["status"] == "finished", list(VARIABLES)].quantile([0.05, 0.5, 0.95])

@@ -252,40 +252,14 @@ def _fly_all(handfuls: list[list[str]], scenes: Mapping[str, Any], executor: Exe
 
 
 class Store:
-    """A folder with one JSON file per finished scene.
-
-    Parameters
-    ----------
-    path : path
-        Made if missing.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import saltation
-    >>> scene, row = saltation.load("bouncing"), dict.fromkeys(COLUMNS, 0.1)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     store = Store(folder)
-    ...     store.put("a", scene, row)
-    ...     store.get("a") == row, store.get("b")
-    (True, None)
-    """
+    """A folder, made if missing, with one JSON file per finished scene; floats come back bit for bit."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self.path.mkdir(parents=True, exist_ok=True)
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """The row kept under a key; None if there is none that is whole.
-
-        Parameters
-        ----------
-        key : str
-
-        Returns
-        -------
-        dict or None
-        """
+        """The row kept under a key; None if there is none that is whole."""
         try:
             content = json.loads((self.path / f"{key}.json").read_text(encoding="utf-8"))
             row: dict[str, Any] = content["row"]
@@ -295,25 +269,7 @@ class Store:
         return row if whole else None
 
     def choice(self, key: str) -> Any:
-        """The scene that was chosen for one that says "auto".
-
-        Parameters
-        ----------
-        key : str
-            Of that one.
-
-        Returns
-        -------
-        Scene or None
-            None if there is none that is whole.
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     Store(folder).choice("none") is None
-        True
-        """
+        """The scene that was chosen for one that says "auto", by the key of that one; None if there is none that is whole."""
         try:
             found = scene_of(json.loads((self.path / f"{key}.chosen.json").read_text(encoding="utf-8")))
         except (OSError, ValueError):
@@ -321,41 +277,11 @@ class Store:
         return found if found.chosen is not None and found.chosen.of == key else None
 
     def put_choice(self, key: str, scene: Any) -> None:
-        """Keep a choice.
-
-        Parameters
-        ----------
-        key : str
-            Of the scene that says "auto".
-        scene : Scene
-            What was chosen for it.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written.
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> from saltation import load
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     Store(folder).put_choice("key", load("bouncing"))
-        ...     Store(folder).choice("key") is None  # it was chosen for no such scene
-        True
-        """
+        """Keep what was chosen for a scene that says "auto", by the key of that one."""
         write(self.path / f"{key}.chosen.json", text_of(scene) + "\n")
 
     def put(self, key: str, scene: Any, row: dict[str, Any]) -> None:
-        """Keep a row; floats are written so that they come back bit for bit.
-
-        Parameters
-        ----------
-        key : str
-        scene : Scene
-        row : dict
-            Units as in the table of `campaign`.
-        """
+        """Keep a row, units as in the table of `campaign`."""
         content = {"scene": json.loads(text_of(scene)), "row": row, "check": hash_of(key, json.dumps(row))}
         write(self.path / f"{key}.json", json.dumps(content, indent=1) + "\n")
 
@@ -372,21 +298,13 @@ MODEL = ("run", "set")
 def thesis() -> list[tuple[dict[str, Any], Any]]:
     """The 256 runs of the thesis's section 3.3.2: Runs A–H × Sets 1–4 × T, 220 jumps each, the first 20 left out.
 
-    Run A is the two-dimensional flight with prescribed spin (3-6) and the rebound of García & Niño, whose f is the share of
-    tangential velocity that is *kept*: 0.89, Set 1's f, for all Sets, which then differ by e alone. All others are
-    three-dimensional with the hard-sphere contact, whose f is Coulomb's. All have one seed: they meet the same random numbers
-    at the same impact.
+    Run A is the two-dimensional flight with prescribed spin (3-6) and the rebound of García & Niño, whose f is the share of tangential velocity that is
+    *kept*: 0.89, Set 1's f, for all Sets, which then differ by e alone. All others are three-dimensional with the hard-sphere contact, whose f
+    is Coulomb's. All have one seed: they meet the same random numbers at the same impact.
+    Labels: run, set, particle_reynolds, stage (T), restitution (e), f, f_is ("retention" or "Coulomb").
 
-    Returns
-    -------
-    list of (labels, Scene)
-        Labels: run, set, particle_reynolds, stage (T), restitution (e), f, f_is ("retention" or "Coulomb").
-
-    Examples
-    --------
-    >>> runs = thesis()
-    >>> len(runs), runs[0][0]["run"], runs[0][1].in_plane
-    (256, 'A', True)
+    >>> len(thesis())
+    256
     """
     result = []
     for reynolds, (name, stages) in STAGES.items():
@@ -417,19 +335,12 @@ LASTING = 500.0  # d/u*
 def grains() -> list[tuple[dict[str, Any], Any]]:
     """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each.
 
-    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same
-    places and meet the same random numbers at the same impact of the same grain, in units of their box.
+    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same places and
+    meet the same random numbers at the same impact of the same grain, in units of their box.
+    Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
 
-    Returns
-    -------
-    list of (labels, Scene)
-        Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
-
-    Examples
-    --------
-    >>> runs = grains()
-    >>> len(runs), sum(labels["encounters"] for labels, scene in runs)
-    (24, 12)
+    >>> len(grains())
+    24
     """
     result = []
     for concentration, number in CONCENTRATIONS.items():
@@ -450,29 +361,7 @@ def grains() -> list[tuple[dict[str, Any], Any]]:
 
 
 def diameter_of(particle_reynolds: float, scene: Any) -> float:
-    """Diameter that gives a scene's material and fluid a particle Reynolds number R_p = √(R g d³)/ν.
-
-    Parameters
-    ----------
-    particle_reynolds : float, dimensionless
-        R_p.
-    scene : Scene
-        Whose densities and viscosity count.
-
-    Returns
-    -------
-    float, m
-
-    References
-    ----------
-    R_p as in thesis (4-13).
-
-    Examples
-    --------
-    >>> import saltation
-    >>> abs(diameter_of(73.0, saltation.load("sand")) / 0.69e-3 - 1.0) < 0.01
-    True
-    """
+    """Diameter, m, that gives a scene's material and fluid a particle Reynolds number R_p = √(R g d³)/ν, as in thesis (4-13)."""
     excess = abs(scene.grain.density / scene.fluid.density - 1.0)
     return math.cbrt((particle_reynolds * scene.fluid.viscosity) ** 2 / (excess * GRAVITY))
 
@@ -481,48 +370,15 @@ def diameter_of(particle_reynolds: float, scene: Any) -> float:
 
 
 def judge(table: pd.DataFrame, reference: pd.DataFrame | None = None, *, particle_reynolds: float = 73.0, models: Sequence[str] = MODEL) -> pd.DataFrame:
-    """Rank the models of a campaign by their mean jumps H, L and ū.
+    """Rank the models (the labels `models` make one) of a campaign by their mean jumps H, L and ū (thesis, section 3.4.2 and fig. 3-10).
 
-    Each is compared with the mean of the published regressions, or, at the one R_p that `reference` is for, with the
-    measurements of each of its sources. The regressions differ by 1.5–3 in height and 2–5 in length: close to their mean
-    is no proof, and far outside their envelope is the stronger statement.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `campaign`, units as there, with the labels particle_reynolds, stage and those of `models`.
-    reference : DataFrame, optional
-        From `statistics.read_reference`, units as there; stages that the campaign does not reach are left out.
-    particle_reynolds : float, dimensionless
-        Which R_p it is for, to 2 %.
-    models : sequence of str
-        The labels that make a model.
-
-    Returns
-    -------
-    DataFrame, one row per model, R_p and source, the best mean rank first; dimensionless
-        model, particle_reynolds and source; error_index (RMSE over the mean, averaged over H, L and ū) and overlap_index
-        (per cent; where the source gives standard deviations), see `statistics`; against the regressions also inside (share of
-        the means within their envelope) and height_place, length_place and velocity_place (0 at the envelope's lower
-        and 1 at its upper edge, mean over T); rank among the models by the overlap index, or else by the error index;
-        mean_rank of the model over all R_p and sources. NaN where a model has no mean.
-
-    Raises
-    ------
-    ValueError
-        For a table without these labels or with two runs of a model at one stage, and for a reference that no run reaches.
-
-    References
-    ----------
-    thesis, section 3.4.2 and fig. 3-10.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> rows = [{"run": "A", "height": 2.0, "length": 12.0, "velocity": 6.0}, {"run": "B", "height": 9.0, "length": 90.0, "velocity": 20.0}]
-    >>> table = pd.DataFrame(rows).assign(particle_reynolds=73.0, stage=2.0, height_sd=1.0, length_sd=1.0, velocity_sd=1.0)
-    >>> judge(table, models=["run"])["rank"].tolist()  # A jumps as the regressions say
-    [1.0, 2.0]
+    Each is compared with the mean of the published regressions, or, at the one R_p (to 2 %) that `reference` (of `statistics.read_reference`) is for, with the
+    measurements of each of its sources; stages that the campaign does not reach are left out. The regressions differ by 1.5–3 in height and 2–5 in
+    length: close to their mean is no proof, and far outside their envelope is the stronger statement.
+    One row per model, R_p and source, the best mean rank first: error_index (RMSE over the mean, averaged over H, L and ū) and overlap_index (per cent; where
+    the source gives standard deviations), see `statistics`; against the regressions also inside (share of the means within their envelope) and
+    height_place, length_place and velocity_place (0 at the envelope's lower and 1 at its upper edge, mean over T); rank among the models by
+    the overlap index, or else by the error index; mean_rank of the model over all R_p and sources. NaN where a model has no mean.
     """
     for name in (*models, "particle_reynolds", "stage"):
         if name not in table:

@@ -13,19 +13,7 @@ from saltation.scene import AUTO
 
 
 class Number(NamedTuple):
-    """One dimensionless number: symbol, value, what it is.
-
-    Attributes
-    ----------
-    symbol : str
-    value : float, dimensionless
-    meaning : str
-
-    Examples
-    --------
-    >>> Number("Re*", 30.0, "Reynolds number").value
-    30.0
-    """
+    """One dimensionless number: symbol, value, what it is."""
 
     symbol: str
     value: float
@@ -33,23 +21,7 @@ class Number(NamedTuple):
 
 
 def numbers(scene: Any) -> list[Number]:
-    """The dimensionless numbers of a scene; those of the stream only where there is one.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of Number
-        Dimensionless.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> {number.symbol: number.value for number in numbers(saltation.load("sand"))}["T"]
-    1.87
-    """
+    """The dimensionless numbers of a scene; those of the stream only where there is one."""
     n = scene.numbers
     found = [
         Number("rho_s/rho", n.density_ratio, "density of the grain over the fluid's"),
@@ -78,27 +50,7 @@ def numbers(scene: Any) -> list[Number]:
 
 
 def settling_velocity(scene: Any) -> float | None:
-    """Terminal velocity in still water, by the scene's law of drag.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    float, m/s, or None
-        None without weight or drag, or for a grain that does not sink.
-
-    References
-    ----------
-    Thesis (3-1), steady: the drag of the scene's law balances the weight.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> 0.1 < settling_velocity(saltation.load("sand")) < 0.13  # sand of 0.69 mm
-    True
-    """
+    """Terminal velocity in still water, m/s: drag balances weight, thesis (3-1); None without weight or drag, or for a grain that does not sink."""
     n = scene.numbers
     if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
         return None
@@ -115,23 +67,7 @@ def settling_velocity(scene: Any) -> float | None:
 
 
 def computed(scene: Any) -> dict[str, str]:
-    """What a run of the scene computes.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    dict
-        What (state, spin, forces, memory, …) -> a line of text.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> computed(saltation.load("settling"))["state"]
-    '4 numbers: x, z, u, w'
-    """
+    """What a run of the scene computes (state, spin, forces, memory, …), a line of text each."""
     engine = Engine(scene)
     axes = "xz" if scene.in_plane else "xyz"
     names = [*axes, *({"x": "u", "y": "v", "z": "w"}[axis] for axis in axes)]
@@ -190,22 +126,7 @@ def _unit_of_time(scene: Any) -> str:
 
 
 def left_out(scene: Any) -> list[str]:
-    """What a run of the scene does not compute: no state, no memory, no time goes into it.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of str
-
-    Examples
-    --------
-    >>> import saltation
-    >>> "a bed (no [bed])" in left_out(saltation.load("settling"))
-    True
-    """
+    """What a run of the scene does not compute: no state, no memory, no time goes into it."""
     meaningless = {"encounters"} if scene.cloud is None else set()  # a single grain meets nobody
     missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names and name not in meaningless]
     if not scene.turns:
@@ -220,22 +141,7 @@ def left_out(scene: Any) -> list[str]:
 
 
 def ignored(scene: Any) -> list[str]:
-    """Names of the tables that a scene gives for effects that it does not have.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of str
-
-    Examples
-    --------
-    >>> import saltation
-    >>> ignored(saltation.load("sand"))
-    []
-    """
+    """Names of the tables that a scene gives for effects that it does not have."""
     return [name for name in EFFECTS if name not in scene.names and getattr(scene, name) is not None]
 
 
@@ -259,22 +165,7 @@ def _comes_to_rest(scene: Any) -> str:
 
 
 def warnings(scene: Any) -> list[str]:
-    """What to be wary of, one sentence or two each.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of str
-
-    Examples
-    --------
-    >>> import saltation
-    >>> [line for line in warnings(saltation.load("sand")) if line.startswith("history")] != []  # Re* is above 4
-    True
-    """
+    """What to be wary of, one sentence or two each."""
     n = scene.numbers
     found = [f"[{name}] is ignored: {name!r} is not among the effects" for name in ignored(scene)]
     if scene.channel is not None and n.stage < 1.0:

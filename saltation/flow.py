@@ -25,60 +25,22 @@ VON_KARMAN = 0.41
 
 
 class Still(NamedTuple):
-    """No stream.
+    """No stream."""
 
-    Attributes
-    ----------
-    nothing : float, dimensionless
-        0: a tuple that is compiled cannot be empty.
-
-    Examples
-    --------
-    >>> Still(0.0).both(3.0)
-    (0.0, 0.0)
-    """
-
-    nothing: float
+    nothing: float  # a tuple that is compiled cannot be empty
 
     def both(self, z: float) -> tuple[float, float]:
-        """(0, 0).
-
-        Parameters
-        ----------
-        z : float, d
-            Height above the bed level.
-
-        Returns
-        -------
-        (float, float), u* and u*/d
-        """
+        """(0, 0)."""
         return 0.0, 0.0
 
     def continued(self, z: float, ahead: float) -> tuple[float, float]:
-        """Velocity and shear.
-
-        Parameters
-        ----------
-        z, ahead : float, d
-
-        Returns
-        -------
-        (float, float), u* and u*/d
-            0.
-
-        Examples
-        --------
-        >>> Still(0.0).continued(3.0, 0.1)
-        (0.0, 0.0)
-        """
+        """(0, 0)."""
         return 0.0, 0.0
 
 
 class Profile:
-    """A velocity profile: `extended(z)` gives (velocity, shear) for z > 0, smoothly; both are 0 at `floor` and below.
+    """A velocity profile: `extended(z)` gives velocity (u*) and shear (u*/d) for z > 0 (d, above the bed level), smoothly; both are 0 at `floor` and below.
 
-    Examples
-    --------
     >>> class Couette(Profile):
     ...     def extended(self, z):
     ...         return 2.0 * z, 2.0
@@ -89,77 +51,24 @@ class Profile:
     floor = 0.0
 
     def extended(self, z: float) -> tuple[float, float]:
-        """Velocity and shear above the floor.
-
-        Parameters
-        ----------
-        z : float, d
-            Height above the bed level, greater than 0.
-
-        Returns
-        -------
-        (float, float), u* and u*/d
-        """
+        """Velocity and shear above the floor."""
         raise NotImplementedError
 
     def both(self, z: float) -> tuple[float, float]:
-        """Velocity and shear, 0 at and below the floor.
-
-        Parameters
-        ----------
-        z : float, d
-            Height above the bed level.
-
-        Returns
-        -------
-        (float, float), u* and u*/d
-        """
+        """Velocity and shear, 0 at and below the floor."""
         return (0.0, 0.0) if z <= self.floor else self.extended(z)
 
     def continued(self, z: float, ahead: float) -> tuple[float, float]:
-        """Velocity and shear at z, smoothly continued from the side of the floor on which z + ahead lies.
-
-        Parameters
-        ----------
-        z, ahead : float, d
-            Height above the bed level; where to look from there.
-
-        Returns
-        -------
-        (float, float), u* and u*/d
-
-        Examples
-        --------
-        >>> LogLaw(1.0, 0.41, 8.5).continued(2.0, 1.0) == LogLaw(1.0, 0.41, 8.5).both(2.0)
-        True
-        """
+        """Velocity and shear at z, smoothly continued from the side of the floor on which z + ahead lies."""
         return (0.0, 0.0) if z + ahead <= self.floor else self.extended(z)
 
 
 @dataclass(frozen=True)
 class Reichardt(Profile):
-    """Smooth wall: u⁺ = ln(1 + κz⁺)/κ + 7.8 (1 − e^(−z⁺/11) − (z⁺/11) e^(−0.33 z⁺)).
+    """Smooth wall: u⁺ = ln(1 + κz⁺)/κ + 7.8 (1 − e^(−z⁺/11) − (z⁺/11) e^(−0.33 z⁺)). Reichardt (1951), Z. Angew. Math. Mech. 31, 208."""
 
-    Attributes
-    ----------
-    reynolds : float, dimensionless
-        u* d/ν.
-    kappa : float, dimensionless
-        κ.
-
-    References
-    ----------
-    Reichardt (1951), Z. Angew. Math. Mech. 31, 208.
-
-    Examples
-    --------
-    >>> velocity, shear = Reichardt(50.0, 0.41).extended(1e-6)
-    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer: u⁺ = z⁺
-    True
-    """
-
-    reynolds: float
-    kappa: float
+    reynolds: float  # u* d/ν
+    kappa: float  # κ
 
     def extended(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""
@@ -175,25 +84,10 @@ class Swamee(Profile):
     """Smooth to rough in one: u⁺ = {(z⁺)^(−10/3) + [κ⁻¹ ln(1 + 9 z⁺/(1 + 0.3 k_s⁺))]^(−10/3)}^(−0.3).
 
     No singularity at the bed. Source: Swamee (1993), J. Irrig. Drain. Eng. 119, 656 (constants as in the project's notes).
-
-    Attributes
-    ----------
-    reynolds : float, dimensionless
-        u* d/ν.
-    kappa : float, dimensionless
-        κ.
-    scale : float, dimensionless
-        9/(1 + 0.3 k_s⁺).
-
-    Examples
-    --------
-    >>> velocity, shear = Swamee(50.0, 0.41, 9.0).extended(1e-6)
-    >>> abs(shear / 50.0 - 1.0) < 1e-3  # the viscous sublayer of a smooth bed: u⁺ = z⁺
-    True
     """
 
-    reynolds: float
-    kappa: float
+    reynolds: float  # u* d/ν
+    kappa: float  # κ
     scale: float  # 9/(1 + 0.3 k_s⁺)
 
     def extended(self, z: float) -> tuple[float, float]:
@@ -209,31 +103,10 @@ class Swamee(Profile):
 
 @dataclass(frozen=True)
 class LogLaw(Profile):
-    """u⁺ = ln(z/k_s)/κ + B above the height where it vanishes, 0 below.
-
-    Attributes
-    ----------
-    roughness : float, dimensionless
-        k_s/d.
-    kappa : float, dimensionless
-        κ.
-    shift : float, dimensionless
-        B.
-
-    References
-    ----------
-    Yalin (1992), River Mechanics; B = 8.5 over rough beds.
-
-    Examples
-    --------
-    >>> LogLaw(1.0, 0.4, 8.5).extended(1.0)
-    (8.5, 2.5)
-    >>> LogLaw(1.0, 0.4, 8.5).both(0.03)
-    (0.0, 0.0)
-    """
+    """u⁺ = ln(z/k_s)/κ + B above the height where it vanishes, 0 below. Yalin (1992), River Mechanics; B = 8.5 over rough beds."""
 
     roughness: float  # k_s/d
-    kappa: float
+    kappa: float  # κ
     shift: float  # B
 
     @property
@@ -342,30 +215,9 @@ continued = method("continued", 2)
 
 
 def yalin_shift(roughness_reynolds: float) -> float:
-    """B(Re_k) of the law of the wall, Re_k = u* k_s/ν ≥ 1: 5.5 for smooth, 8.5 for rough beds.
+    """B(Re_k) of the law of the wall: 5.5 for smooth, 8.5 for rough beds; ValueError for Re_k = u* k_s/ν below 1.
 
-    Parameters
-    ----------
-    roughness_reynolds : float, dimensionless
-        Re_k.
-
-    Returns
-    -------
-    float, dimensionless
-
-    Raises
-    ------
-    ValueError
-        If Re_k is below 1.
-
-    References
-    ----------
     Yalin (1992), River Mechanics (constants as in the project's notes).
-
-    Examples
-    --------
-    >>> yalin_shift(1.0), round(yalin_shift(1e4), 6)
-    (5.5, 8.5)
     """
     if roughness_reynolds < 1.0:
         raise ValueError(f"profile 'yalin' needs a roughness Reynolds number u* k_s/ν of at least 1, got {roughness_reynolds:g}; take 'reichardt' or 'swamee'")
@@ -384,34 +236,7 @@ REGIMES = {"smooth": "reichardt", "transitional": "yalin", "rough": "constant_b"
 
 
 def profile_of(name: str, numbers: Numbers, roughness: float = 1.0, kappa: float = VON_KARMAN) -> Any:
-    """The profile of a name.
-
-    Parameters
-    ----------
-    name : str
-        A key of PROFILES or REGIMES.
-    numbers : Numbers
-        Of the scene.
-    roughness : float, dimensionless
-        k_s/d.
-    kappa : float, dimensionless
-        κ.
-
-    Returns
-    -------
-    Still, Reichardt, Swamee or LogLaw
-
-    Raises
-    ------
-    ValueError
-        If there is no such profile, or it does not hold for the scene's roughness Reynolds number.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> profile_of("rough", saltation.load("sand").numbers)
-    LogLaw(roughness=1.0, kappa=0.41, shift=8.5)
-    """
+    """The profile of a name in PROFILES or REGIMES, roughness k_s/d; ValueError if there is none, or it does not hold for the scene's Re_k."""
     if name not in PROFILES and name not in REGIMES:
         raise ValueError(f"profile must be one of {', '.join([*PROFILES, *REGIMES])}, got {name!r}")
     name, wall = REGIMES.get(name, name), numbers.reynolds * roughness

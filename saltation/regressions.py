@@ -20,74 +20,27 @@ Floats = NDArray[np.float64]
 
 
 class Jump(NamedTuple):
-    """The mean jump.
+    """The mean jump."""
 
-    Attributes
-    ----------
-    height, length : ndarray (...), d
-    speed : ndarray (...), u*
-        Along the stream.
-
-    Examples
-    --------
-    >>> REGRESSIONS["van_rijn_1984"](73.0, 1.0)  # at the threshold
-    Jump(height=np.float64(0.0), length=np.float64(0.0), speed=np.float64(0.0))
-    """
-
-    height: Floats
-    length: Floats
-    speed: Floats
+    height: Floats  # d
+    length: Floats  # d
+    speed: Floats  # u*, along the stream
 
 
 @dataclass(frozen=True)
 class Regression:
-    """One published regression of the mean jump, callable.
-
-    Attributes
-    ----------
-    name : str
-        Its key in `REGRESSIONS`.
-    source : str
-        The paper.
-    function : callable
-        (particle_reynolds, transport_stage) -> `Jump`, elementwise on arrays (...), dimensionless.
-
-    Examples
-    --------
-    >>> jump = REGRESSIONS["sklar_dietrich_2004"](73.0, 2.0)
-    >>> round(float(jump.height), 12), round(float(jump.length), 12)
-    (1.44, 8.0)
-    """
+    """One published regression of the mean jump: name, paper, and function of R_p and T."""
 
     name: str
     source: str
     function: Callable[[Floats, Floats], Jump]
 
     def __call__(self, particle_reynolds: ArrayLike, transport_stage: ArrayLike) -> Jump:
-        """The mean jump of a grain in a stream.
+        """The mean jump at R_p = √(R g d³)/ν (thesis 4-13) and T = τ*/τ*c with τ*c of `critical_shields`, elementwise; at and below T = 1 nothing jumps.
 
-        Parameters
-        ----------
-        particle_reynolds : array_like (...), dimensionless
-            R_p = √(R g d³)/ν, above zero.
-        transport_stage : array_like (...), dimensionless
-            T = τ*/τ*c with τ*c of `critical_shields`, zero or more. At and below T = 1 nothing jumps: all zero.
-
-        Returns
-        -------
-        Jump
-            (height, length, speed), each of the shape that the arguments broadcast to; in d, d, u*.
-
-        Raises
-        ------
-        TypeError
-            For what is no array of real numbers.
-        ValueError
-            For NaN, infinity and numbers out of range, and for shapes that do not broadcast.
-
-        References
-        ----------
-        `source` of each; R_p as in thesis (4-13).
+        >>> jump = REGRESSIONS["sklar_dietrich_2004"](73.0, 2.0)
+        >>> round(float(jump.height), 12), round(float(jump.length), 12)
+        (1.44, 8.0)
         """
         rp = _quantity("particle_reynolds", particle_reynolds, above=True)
         stage = _quantity("transport_stage", transport_stage)
@@ -131,123 +84,29 @@ REGRESSIONS: dict[str, Regression] = {
 
 
 def envelope(particle_reynolds: ArrayLike, transport_stage: ArrayLike) -> dict[str, tuple[Floats, Floats]]:
-    """Lowest and highest of all `REGRESSIONS`: they differ by 1.5–3 in height and 2–5 in length.
-
-    Parameters
-    ----------
-    particle_reynolds, transport_stage : array_like (...), dimensionless
-        As for `Regression`.
-
-    Returns
-    -------
-    dict
-        "height" (d), "length" (d) and "speed" (u*), each a pair (lowest, highest) of the shape that the arguments broadcast to.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `Regression`.
-
-    Examples
-    --------
-    >>> low, high = envelope(73.0, 1.87)["height"]
-    >>> round(float(low), 2), round(float(high), 2)
-    (1.34, 2.07)
-    """
+    """Lowest and highest of all `REGRESSIONS` in height (d), length (d) and speed (u*): they differ by 1.5–3 in height and 2–5 in length."""
     jumps = [regression(particle_reynolds, transport_stage) for regression in REGRESSIONS.values()]
     return {name: (np.min(values, axis=0), np.max(values, axis=0)) for name, values in zip(Jump._fields, zip(*jumps, strict=True), strict=True)}
 
 
 def meyer_peter_mueller(shields: ArrayLike) -> Floats:
-    """Bed load q* = 8 (τ* − 0.047)^(3/2), zero below the threshold.
+    """Bed load q/√(R g d³) = 8 (τ* − 0.047)^(3/2), zero below the threshold.
 
-    Parameters
-    ----------
-    shields : array_like (...), dimensionless
-        τ*, zero or more.
-
-    Returns
-    -------
-    ndarray of the shape of `shields`, dimensionless: the Einstein number q/√(R g d³)
-
-    Raises
-    ------
-    TypeError, ValueError
-        For what is no array of real numbers, for NaN, infinity and negative numbers.
-
-    References
-    ----------
     Meyer-Peter and Müller (1948), 2nd meeting of the IAHSR, Stockholm, 39–64.
-
-    Examples
-    --------
-    >>> meyer_peter_mueller([0.04, 0.297]).round(12)
-    array([0., 1.])
     """
     return 8.0 * _above(shields, 0.047) ** 1.5
 
 
 def wong_parker(shields: ArrayLike) -> Floats:
-    """Bed load q* = 3.97 (τ* − 0.0495)^(3/2), zero below the threshold.
-
-    Parameters
-    ----------
-    shields : array_like (...), dimensionless
-        τ*, zero or more.
-
-    Returns
-    -------
-    ndarray of the shape of `shields`, dimensionless: the Einstein number q/√(R g d³)
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `meyer_peter_mueller`.
-
-    References
-    ----------
-    Wong and Parker (2006), J. Hydraul. Eng. 132(11), 1159–1168.
-
-    Examples
-    --------
-    >>> wong_parker([0.04, 1.0495]).round(12)
-    array([0.  , 3.97])
-    """
+    """Bed load q/√(R g d³) = 3.97 (τ* − 0.0495)^(3/2), zero below the threshold. Wong and Parker (2006), J. Hydraul. Eng. 132(11), 1159–1168."""
     return 3.97 * _above(shields, 0.0495) ** 1.5
 
 
 def bed_load(shields: ArrayLike, critical: ArrayLike, speed: ArrayLike, friction: ArrayLike) -> Floats:
-    """Bed load of grains that jump at the mean speed ū: q* = (τ* − τ*c) ū √τ*/μ_d, zero below the threshold.
+    """Bed load q/√(R g d³) = (τ* − τ*c) ū √τ*/μ_d of grains that jump at the mean speed ū (u*), zero below the threshold; μ_d = ΣJ_x/ΣJ_z.
 
     The grains' drag on the bed, μ_d times their submerged weight, takes up what the stress exceeds its critical value by
     (Bagnold 1956, Philos. Trans. R. Soc. A 249, 235–297); that stress leaves it open how many grains there are.
-
-    Parameters
-    ----------
-    shields, critical : array_like (...), dimensionless
-        τ* (zero or more) and τ*c (above zero).
-    speed : array_like (...), u*
-        Mean speed along the stream.
-    friction : array_like (...), dimensionless
-        μ_d = ΣJ_x/ΣJ_z of the impulses on the bed, above zero.
-
-    Returns
-    -------
-    ndarray of the shape that the arguments broadcast to, dimensionless: the Einstein number q/√(R g d³)
-
-    Raises
-    ------
-    TypeError, ValueError
-        For what is no array of real numbers, for NaN, infinity, numbers out of range and shapes that do not broadcast.
-
-    References
-    ----------
-    Bagnold (1956), Philos. Trans. R. Soc. A 249, 235–297.
-
-    Examples
-    --------
-    >>> round(float(bed_load(0.09, 0.04, 8.0, 0.3)), 12)  # 0.05 × 8 × 0.3/0.3
-    0.4
     """
     tau, critical = _quantity("shields", shields), _quantity("critical", critical, above=True)
     speed, friction = _reals("speed", speed), _quantity("friction", friction, above=True)

@@ -22,22 +22,12 @@ REPLACEMENTS = 10  # of killed workers; then something kills them all, such as a
 class Processes(Executor):
     """An executor like `ProcessPoolExecutor` that survives the death of its workers.
 
-    Each worker is at the end of a pipe of its own, so one that is killed, even in the midst of an answer, takes nothing with it
-    but its task. After so many deaths the tasks that meet another one end with `BrokenExecutor`.
+    Each worker is at the end of a pipe of its own, so one that is killed, even in the midst of an answer, takes nothing with it but its task.
+    After so many deaths (`replacements`) the tasks that meet another one end with `BrokenExecutor`.
 
-    Parameters
-    ----------
-    workers : int
-        How many.
-    replacements : int
-        How many deaths are made good.
-
-    Examples
-    --------
     >>> with processes(1) as pool:
     ...     pool.submit(pow, 2, 10).result()
     1024
-    >>> pool.shutdown()  # once more does no harm
     """
 
     def __init__(self, workers: int, replacements: int = REPLACEMENTS) -> None:
@@ -52,24 +42,7 @@ class Processes(Executor):
             thread.start()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have a function called by a worker.
-
-        Parameters
-        ----------
-        fn : callable
-            Of a module, so that a worker can find it.
-        *args, **kwargs
-            Its arguments, which are pickled.
-
-        Returns
-        -------
-        Future
-
-        Raises
-        ------
-        RuntimeError
-            After `shutdown`.
-        """
+        """Have a function of a module, which a worker can find, called by a worker; its arguments are pickled. RuntimeError after `shutdown`."""
         if self._over:
             raise RuntimeError("cannot schedule new futures after shutdown")
         future: Future[Any] = Future()
@@ -77,15 +50,7 @@ class Processes(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """No more tasks; the workers end when theirs are done.
-
-        Parameters
-        ----------
-        wait : bool
-            Whether to wait until the workers have ended.
-        cancel_futures : bool
-            Whether tasks that have not begun are dropped.
-        """
+        """No more tasks; the workers end when theirs are done."""
         self._over = True
         while cancel_futures:
             try:
@@ -152,28 +117,10 @@ class Processes(Executor):
 
 
 class Here(Executor):
-    """An executor that does each task at once, in this process: for callers that must not start others.
-
-    Examples
-    --------
-    >>> Here().submit(pow, 2, 10).result()
-    1024
-    """
+    """An executor that does each task at once, in this process: for callers that must not start others."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call a function.
-
-        Parameters
-        ----------
-        fn : callable
-        *args, **kwargs
-            Its arguments.
-
-        Returns
-        -------
-        Future
-            Done, with the result or the error.
-        """
+        """Call a function; the future is done, with the result or the error."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -183,39 +130,12 @@ class Here(Executor):
 
 
 def processes(workers: int | None = None) -> Processes:
-    """Processes that end with the `with` that holds them: at an error, an interrupt, or when this process is killed.
-
-    Parameters
-    ----------
-    workers : int, optional
-        How many; default all cores.
-
-    Returns
-    -------
-    Processes
-
-    Examples
-    --------
-    >>> pool = processes(1)
-    >>> isinstance(pool, Executor)
-    True
-    >>> pool.shutdown()
-    """
+    """Processes (default: one per core) that end with the `with` that holds them: at an error, an interrupt, or when this process is killed."""
     return Processes(workers or cores())
 
 
 def cores() -> int:
-    """How many this process may use.
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> cores() >= 1
-    True
-    """
+    """How many this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -25,35 +25,9 @@ Struck = tuple[float, float, float, float, float, float, float, float, float]  #
 def impulse(
     nx: float, ny: float, nz: float, vx: float, vy: float, vz: float, restitution: float, friction: float, mass: float, tangential_mass: float
 ) -> Triple:
-    """Impulse J on the grain, zero where the surfaces separate.
+    """Impulse J (V × dry mass) on the grain, zero where the surfaces separate; n: unit normal from the grain to the contact, v: contact slip (V).
 
-    Parameters
-    ----------
-    nx, ny, nz : float, dimensionless
-        Unit normal from the grain to the contact.
-    vx, vy, vz : float, V
-        Contact slip.
-    restitution, friction : float, dimensionless
-        e and Coulomb's f.
-    mass, tangential_mass : float, dry masses
-        m_e and m_t; dimensionless.
-
-    Returns
-    -------
-    (float, float, float), V × dry mass
-        x, y, z.
-
-    References
-    ----------
-    Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5.
-
-    Examples
-    --------
-    >>> jx, jy, jz = impulse(0.0, 0.0, -1.0, 4.0, 0.0, -2.0, 0.5, 0.1, 1.0, 2.0 / 7.0)
-    >>> round(jx, 12), round(jz, 12)  # slides: (1 + e) m V_n up, a tenth of it back
-    (-0.3, 3.0)
-    >>> impulse(0.0, 0.0, -1.0, 4.0, 0.0, 2.0, 0.5, 0.1, 1.0, 2.0 / 7.0)  # separates
-    (0.0, 0.0, 0.0)
+    e and Coulomb's f; m_e and m_t in dry masses. Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5.
     """
     normal = vx * nx + vy * ny + vz * nz
     if not normal > 0.0:
@@ -77,37 +51,10 @@ def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> T
 def strike_bed(
     nx: float, ny: float, nz: float, ux: float, uy: float, uz: float, ox: float, oy: float, oz: float, restitution: float, friction: float, added: float
 ) -> Struck:
-    """A grain against the bed: velocity and spin after, and the impulse on the grain.
+    """A grain against the bed: velocity (V) and spin (V/d) after, and the impulse on the grain (V × dry mass), three numbers each.
 
-    Parameters
-    ----------
-    nx, ny, nz : float, dimensionless
-        Unit normal into the water.
-    ux, uy, uz : float, V
-        Velocity before.
-    ox, oy, oz : float, V/d
-        Spin before.
-    restitution, friction : float, dimensionless
-        e and Coulomb's f.
-    added : float, dimensionless
-        Effective over dry mass: 1, or 1 + C_m/(1 + R) for immersed contact. The impulse is in units of the dry mass.
-
-    Returns
-    -------
-    nine floats
-        Velocity (V), spin (V/d), impulse (V × dry mass), three each.
-
-    References
-    ----------
+    n: unit normal into the water; `added`: effective over dry mass, 1, or 1 + C_m/(1 + R) for immersed contact.
     Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5; thesis appendix 3-B, its signs corrected.
-
-    Examples
-    --------
-    >>> strike_bed(0.0, 0.0, 1.0, 3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.0)[:3]  # smooth: only the normal velocity turns
-    (3.0, 0.0, 1.0)
-    >>> after = strike_bed(0.0, 0.0, 1.0, 3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.5, 10.0, 1.0)  # rough: it rolls off
-    >>> abs(after[0] - 0.5 * after[4]) < 1e-12
-    True
     """
     wx, wy, wz = cross(0.5 * ox, 0.5 * oy, 0.5 * oz, -nx, -ny, -nz)
     jx, jy, jz = impulse(-nx, -ny, -nz, ux + wx, uy + wy, uz + wz, restitution, friction, added, added / (1.0 + 2.5 * added))
@@ -129,34 +76,10 @@ def strike_pair(
     restitution: float,
     friction: float,
 ) -> tuple[Triple, Triple, Triple, Triple, Triple]:
-    """Two grains in contact: velocities and spins after, and the impulse on the first.
+    """Two grains in contact: velocities (V) and spins (V/d) of both after, and the impulse on the first (V × dry mass).
 
-    Parameters
-    ----------
-    nx, ny, nz : float, dimensionless
-        Unit normal from the first to the second grain.
-    first, second, spin_first, spin_second : (float, float, float)
-        Velocities (V) and spins (V/d) before.
-    radii, masses : (float, float)
-        In d and in dry masses; the moments of inertia are (2/5) m a².
-    restitution, friction : float, dimensionless
-        e and Coulomb's f.
-
-    Returns
-    -------
-    five triples
-        Velocities (V) and spins (V/d) of the first and the second grain after; impulse on the first (V × dry mass).
-
-    References
-    ----------
+    n: unit normal from the first to the second; radii in d, masses in dry masses; the moments of inertia are (2/5) m a².
     Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5.
-
-    Examples
-    --------
-    >>> still, half, one = (0.0, 0.0, 0.0), (0.5, 0.5), (1.0, 1.0)
-    >>> after = strike_pair(1.0, 0.0, 0.0, (2.0, 0.0, 0.0), still, still, still, half, one, 1.0, 0.0)  # elastic: they swap velocities
-    >>> after[0], after[1]
-    ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     """
     mass = masses[0] * masses[1] / (masses[0] + masses[1])
     sx = radii[0] * spin_first[0] + radii[1] * spin_second[0]

@@ -16,42 +16,17 @@ from saltation.grain import Triple
 
 
 class Restitution(NamedTuple):
-    """e = dry·exp(−damping/St), St the collision Stokes number stokes·V_n; damping 0: a constant.
+    """e = dry·exp(−damping/St), St = stokes·V_n the collision Stokes number.
 
-    Attributes
-    ----------
-    dry, damping : float, dimensionless
-        e at large St; the number of damping, 0: none.
-    stokes : float, dimensionless
-        St at a normal speed of V.
-
-    References
-    ----------
-    for `stokes` the fit e = 0.97 exp(−35/St) to Gondret, Lance & Petit (2002), Phys. Fluids 14, 643.
-
-    Examples
-    --------
-    >>> Restitution(0.65, 0.0, 100.0).at(2.0)
-    0.65
-    >>> Restitution(0.97, 35.0, 10.0).at(0.0)
-    0.0
+    For `stokes` the fit e = 0.97 exp(−35/St) to Gondret, Lance & Petit (2002), Phys. Fluids 14, 643.
     """
 
-    dry: float
-    damping: float
-    stokes: float
+    dry: float  # e at large St
+    damping: float  # 0: e is constant
+    stokes: float  # St at a normal speed of V
 
     def at(self, speed: float) -> float:
-        """Restitution at a normal impact speed, 0 where nothing closes.
-
-        Parameters
-        ----------
-        speed : float, V
-
-        Returns
-        -------
-        float, dimensionless
-        """
+        """Restitution at a normal impact speed, V; 0 where nothing closes."""
         if not self.damping > 0.0:
             return self.dry
         number = self.stokes * speed
@@ -62,51 +37,22 @@ restitution_at = method("at", 1)
 
 
 class Rebound(Protocol):
-    """What a law of rebounds has.
-
-    Examples
-    --------
-    >>> laws: list[Rebound] = [GarciaNino(Restitution(0.5, 0.0, 1.0), 1.0), Tsuji(Restitution(0.5, 0.0, 1.0), 0.0, 1.0)]
-    >>> [law.strike((0.0, 0.0, 1.0), (3.0, 0.0, -2.0), (0.0, 0.0, 0.0))[:3] for law in laws]  # without friction all agree
-    [(3.0, 0.0, 1.0), (3.0, 0.0, 1.0)]
-    """
+    """What a law of rebounds has."""
 
     def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
-        """After the contact.
+        """Velocity (V) and spin (V/d) after the contact and the impulse on the grain per dry mass (V), three numbers each.
 
-        Parameters
-        ----------
-        n : (float, float, float), dimensionless
-            Unit normal of the contact plane, into the water.
-        u, o : (float, float, float)
-            Velocity (V) and spin (V/d) before.
-
-        Returns
-        -------
-        nine floats
-            Velocity (V) and spin (V/d) after; impulse on the grain, per dry mass (V).
+        n: unit normal of the contact plane, into the water; u, o: velocity and spin before.
         """
         ...
 
 
 class Tsuji(NamedTuple):
-    """Hard sphere with restitution, Coulomb friction and sticking. Tsuji et al. (1985); Crowe et al. (2011).
-
-    Attributes
-    ----------
-    restitution : Restitution
-    friction, added : float, dimensionless
-        Coulomb's f; effective over dry mass, see `strike_bed`.
-
-    Examples
-    --------
-    >>> Tsuji(Restitution(0.5, 0.0, 1.0), 0.1, 1.0).strike((0.0, 0.0, 1.0), (3.0, 0.0, -2.0), (0.0, 0.0, 0.0))[:3]
-    (2.7, 0.0, 1.0)
-    """
+    """Hard sphere with restitution, Coulomb friction and sticking. Tsuji et al. (1985); Crowe et al. (2011)."""
 
     restitution: Restitution
-    friction: float
-    added: float
+    friction: float  # Coulomb's f
+    added: float  # effective over dry mass, see `strike_bed`
 
     def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
@@ -115,22 +61,10 @@ class Tsuji(NamedTuple):
 
 
 class GarciaNino(NamedTuple):
-    """u_n → −e u_n, u_t → f u_t; the spin is left alone. García & Niño (1992), thesis (3A-1).
-
-    Attributes
-    ----------
-    restitution : Restitution
-    retention : float, dimensionless
-        Share f of the tangential velocity that is kept.
-
-    Examples
-    --------
-    >>> GarciaNino(Restitution(0.5, 0.0, 1.0), 0.75).strike((0.0, 0.0, 1.0), (4.0, 0.0, -2.0), (0.0, 7.0, 0.0))[:6]
-    (3.0, 0.0, 1.0, 0.0, 7.0, 0.0)
-    """
+    """u_n → −e u_n, u_t → f u_t; the spin is left alone. García & Niño (1992), thesis (3A-1)."""
 
     restitution: Restitution
-    retention: float
+    retention: float  # share f of the tangential velocity that is kept
 
     def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
@@ -143,22 +77,10 @@ class GarciaNino(NamedTuple):
 
 
 class SlidingOnly(NamedTuple):
-    """Coulomb friction without the sticking limit, thesis (4-7) to (4-12) as printed.
-
-    Attributes
-    ----------
-    restitution : Restitution
-    friction : float, dimensionless
-        Coulomb's f.
-
-    Examples
-    --------
-    >>> SlidingOnly(Restitution(0.5, 0.0, 1.0), 0.1).strike((0.0, 0.0, 1.0), (3.0, 0.0, -2.0), (0.0, 0.0, 0.0))[:3]
-    (2.7, 0.0, 1.0)
-    """
+    """Coulomb friction without the sticking limit, thesis (4-7) to (4-12) as printed."""
 
     restitution: Restitution
-    friction: float
+    friction: float  # Coulomb's f
 
     def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""
@@ -176,23 +98,10 @@ class SlidingOnly(NamedTuple):
 
 
 class TsujiPrinted(NamedTuple):
-    """Thesis (3B-1) to (3B-5) letter by letter, in the frame of the contact plane.
-
-    Attributes
-    ----------
-    restitution : Restitution
-    friction : float, dimensionless
-        Coulomb's f.
-
-    Examples
-    --------
-    >>> law = TsujiPrinted(Restitution(0.5, 0.0, 1.0), 0.1)
-    >>> round(law.strike((0.0, 0.0, 1.0), (3.0, 0.0, -2.0), (0.0, 0.0, 0.0))[2], 12)
-    1.0
-    """
+    """Thesis (3B-1) to (3B-5) letter by letter, in the frame of the contact plane."""
 
     restitution: Restitution
-    friction: float
+    friction: float  # Coulomb's f
 
     def strike(self, n: Triple, u: Triple, o: Triple) -> Struck:
         """After the contact."""

@@ -94,35 +94,15 @@ LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING, BOUNDED = range(6)  # how an angle is 
 class Roughness(NamedTuple):
     """How θ_b and α_b are drawn: numbers, not types, so that another sub-model compiles nothing anew.
 
-    Attributes
-    ----------
-    along, side : int
-        How θ_b and α_b are drawn: LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING or BOUNDED.
-    reading : int
-        Place in `READINGS`.
-    least : float, dimensionless
-        Smallest 2r/d of a draw.
-    scatter : float, dimensionless
-        Factor of α_b: 1, or 0 for none across the stream.
-    depth : float, d
-        Of the bed level below a centre in contact with an untilted bed, plus ½.
-
-    References
-    ----------
     Thesis section 3.2.3; R1 García & Niño (1992), R2 Tsuji et al. (1987), R3 Sommerfeld (1992).
-
-    Examples
-    --------
-    >>> ROUGHNESS["R7"](CLIP, 0.0, 1.0, 0.25).scatter
-    1.0
     """
 
-    along: int  # θ_b
-    side: int  # α_b
-    reading: int
+    along: int  # how θ_b is drawn: LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING or BOUNDED
+    side: int  # how α_b is
+    reading: int  # place in `READINGS`
     least: float  # smallest 2r/d of a draw
-    scatter: float  # of α_b: 1, or 0 for none across the stream
-    depth: float  # of the bed level below a centre in contact with an untilted bed, plus ½
+    scatter: float  # factor of α_b: 1, or 0 for none across the stream
+    depth: float  # d, of the bed level below a centre in contact with an untilted bed, plus ½
 
 
 @shared
@@ -143,30 +123,7 @@ def drawn(how: int, share: float, incidence: float, reading: int, least: float) 
 
 @shared
 def angles(roughness: Roughness, incidence: float, across: float, draws: Draws) -> Triple:
-    """Tilts of the contact plane that a grain meets.
-
-    Parameters
-    ----------
-    roughness : Roughness
-    incidence, across : float, radians
-        Angles of incidence in and across the plane of motion.
-    draws : four floats, dimensionless
-        Uniform in (0, 1).
-
-    Returns
-    -------
-    (float, float, float)
-        θ_b and α_b in radians; 1 where θ_b was clipped, else 0 (dimensionless).
-
-    References
-    ----------
-    Thesis (3-5), section 3.2.3.
-
-    Examples
-    --------
-    >>> angles(ROUGHNESS["R4"](CLIP, 0.0, 1.0, 0.25), 0.3, 1.5, (1.0, 0.5, 0.5, 0.5)) == (STEEPEST, 0.0, 0.0)
-    True
-    """
+    """Tilts θ_b and α_b (radians) of the contact plane that a grain meets, and 1 where θ_b was clipped, else 0; thesis (3-5), section 3.2.3."""
     theta, clipped = drawn(roughness.along, draws[0], incidence, roughness.reading, roughness.least)
     if roughness.side == UNIFORM:
         alpha = STEEPEST * (2.0 * draws[1] - 1.0)
@@ -193,29 +150,9 @@ ROUGHNESS: dict[str, Any] = {
 
 @shared
 def facing(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
-    """The contact plane that a grain meets.
+    """The contact plane that a grain meets: unit normal into the water, height of the centre in contact (d), θ_b (radians), 1 where it was clipped.
 
-    Parameters
-    ----------
-    roughness : Roughness
-    ux, uy, uz : float, V
-        Velocity of the grain.
-    draws : four floats, dimensionless
-        Uniform in (0, 1).
-
-    Returns
-    -------
-    (float, float, float), float, float, float
-        Unit normal into the water (dimensionless), height of the centre in contact (d), θ_b (radians), 1 where it was clipped.
-
-    References
-    ----------
     Thesis (3-5), section 3.2.3.
-
-    Examples
-    --------
-    >>> facing(ROUGHNESS["flat"](CLIP, 0.0, 1.0, 0.5), 3.0, 0.0, -1.0, (0.5, 0.5, 0.5, 0.5))
-    ((-0.0, -0.0, 1.0), 0.5, 0.0, 0.0)
     """
     incidence = math.atan2(max(0.0, -uz), abs(ux))
     across = math.atan2(max(0.0, -uz), abs(uy)) if uy != 0.0 else 0.5 * math.pi

@@ -22,33 +22,16 @@ VALID = "far from the wall"
 
 
 class Options(Table):
-    """The coefficient, and which form.
-
-    Examples
-    --------
-    >>> Options(form="auton").coefficient
-    0.5
-    """
+    """The coefficient, and which form."""
 
     coefficient: float = Field(0.5, ge=0.0, description="C_m, dimensionless")
     form: Literal["thesis", "auton"] = Field("thesis", description="with the remainder C_m w du_f/dz, or without")
 
 
 class Remainder(NamedTuple):
-    """C_m w u_f'.
+    """C_m w u_f'."""
 
-    Attributes
-    ----------
-    coefficient : float, dimensionless
-        C_m.
-
-    Examples
-    --------
-    >>> Remainder(0.5).force(Situation(1.0, 0.0, 0.0, 2.0, 6.0, 3.0, 0.0, 0.0, 0.0))
-    (3.0, 0.0, 0.0)
-    """
-
-    coefficient: float
+    coefficient: float  # C_m
 
     def force(self, s: Situation) -> Triple:
         """Along the stream."""

@@ -20,43 +20,15 @@ VALID = "see each law's range of Re = |u_r| d/ν"
 
 
 class Law(Protocol):
-    """What a law of drag has: `factor`, and `largest`, the Reynolds number up to which it is meant.
-
-    Examples
-    --------
-    >>> all(abs(law.factor(1e-9) - 1.0) < 1e-4 for law in LAWS.values())  # all are Stokes's at last
-    True
-    """
+    """What a law of drag has: `factor`, and `largest`, the Reynolds number up to which it is meant."""
 
     def factor(self, reynolds: float) -> float:
-        """How many times Stokes's drag.
-
-        Parameters
-        ----------
-        reynolds : float, dimensionless
-            Re = |u_r| d/ν, 0 or greater.
-
-        Returns
-        -------
-        float, dimensionless
-            φ = C_D Re/24.
-        """
+        """How many times Stokes's drag at Re = |u_r| d/ν: φ = C_D Re/24."""
         ...
 
 
 class Stokes(NamedTuple):
-    """φ = 1: creeping flow, Re below about 0.1. Stokes (1851).
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> Stokes(0.1).factor(50.0)
-    1.0
-    """
+    """φ = 1: creeping flow, Re below about 0.1. Stokes (1851)."""
 
     largest: float
 
@@ -66,18 +38,7 @@ class Stokes(NamedTuple):
 
 
 class Yen(NamedTuple):
-    """C_D = 24/Re (1 + 0.15 √Re + 0.017 Re) − 0.208/(1 + 10⁴ Re^(−1/2)). Yen (1992), thesis (4-4).
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> 1.0 < Yen(2e5).factor(100.0) * 24.0 / 100.0 < 1.1  # C_D of a sphere at Re = 100
-    True
-    """
+    """C_D = 24/Re (1 + 0.15 √Re + 0.017 Re) − 0.208/(1 + 10⁴ Re^(−1/2)). Yen (1992), thesis (4-4)."""
 
     largest: float
 
@@ -88,18 +49,7 @@ class Yen(NamedTuple):
 
 
 class SchillerNaumann(NamedTuple):
-    """C_D = 24/Re (1 + 0.15 Re^0.687) up to the Re where it has fallen to 0.44, and 0.44 beyond. Schiller & Naumann (1933).
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> round(SchillerNaumann(2e5).factor(1e5) * 24.0 / 1e5, 12)  # C_D
-    0.44
-    """
+    """C_D = 24/Re (1 + 0.15 Re^0.687) up to the Re where it has fallen to 0.44, and 0.44 beyond. Schiller & Naumann (1933)."""
 
     largest: float
 
@@ -110,18 +60,7 @@ class SchillerNaumann(NamedTuple):
 
 
 class Rubey(NamedTuple):
-    """C_D = 24/Re + 2. Rubey (1933).
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> Rubey(2e5).factor(48.0) * 24.0 / 48.0  # C_D
-    2.5
-    """
+    """C_D = 24/Re + 2. Rubey (1933)."""
 
     largest: float
 
@@ -131,18 +70,7 @@ class Rubey(NamedTuple):
 
 
 class EngelundHansen(NamedTuple):
-    """C_D = 24/Re + 1.5. Engelund & Hansen (1967), natural sand.
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> EngelundHansen(2e5).factor(48.0) * 24.0 / 48.0  # C_D
-    2.0
-    """
+    """C_D = 24/Re + 1.5. Engelund & Hansen (1967), natural sand."""
 
     largest: float
 
@@ -152,18 +80,7 @@ class EngelundHansen(NamedTuple):
 
 
 class TurtonLevenspiel(NamedTuple):
-    """C_D = 24/Re (1 + 0.173 Re^0.657) + 0.413/(1 + 16300 Re^(−1.09)). Turton & Levenspiel (1986).
-
-    Attributes
-    ----------
-    largest : float, dimensionless
-        Re up to which the law is meant.
-
-    Examples
-    --------
-    >>> round(TurtonLevenspiel(2e5).factor(100.0) * 24.0 / 100.0, 2)  # C_D
-    1.1
-    """
+    """C_D = 24/Re (1 + 0.173 Re^0.657) + 0.413/(1 + 16300 Re^(−1.09)). Turton & Levenspiel (1986)."""
 
     largest: float
 
@@ -185,41 +102,17 @@ factor = method("factor", 1)
 
 
 class Options(Table):
-    """The law of the drag coefficient.
-
-    Examples
-    --------
-    >>> Options().law
-    'yen'
-    """
+    """The law of the drag coefficient."""
 
     law: Literal["stokes", "yen", "schiller_naumann", "rubey", "engelund_hansen", "turton_levenspiel"] = Field("yen", description="drag law")
 
 
 class Drag(NamedTuple):
-    """−(18/Re*) φ(|u_r| Re*) u_r.
-
-    Attributes
-    ----------
-    law : Law
-    rate : float, dimensionless
-        18/Re*.
-    reynolds : float, dimensionless
-        Re*.
-
-    References
-    ----------
-    Thesis (3-1); each law names its own.
-
-    Examples
-    --------
-    >>> Drag(Stokes(0.1), 0.5, 36.0).force(Situation(1.0, -2.0, 0.0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0))
-    (1.0, -0.0, -0.5)
-    """
+    """−(18/Re*) φ(|u_r| Re*) u_r, thesis (3-1); each law names its own source."""
 
     law: Any
-    rate: float
-    reynolds: float
+    rate: float  # 18/Re*
+    reynolds: float  # Re*
 
     def force(self, s: Situation) -> Triple:
         """Against the slip."""

@@ -17,13 +17,7 @@ VALID = "contacts of two at a time, without the liquid that is squeezed out betw
 
 
 class Options(Table):
-    """The contact of two grains.
-
-    Examples
-    --------
-    >>> Options().restitution, Options().friction
-    (0.65, 0.1)
-    """
+    """The contact of two grains."""
 
     restitution: float = Field(0.65, ge=0.0, le=1.0, description="e, dimensionless")
     friction: float = Field(0.1, ge=0.0, description="Coulomb's f, dimensionless")

@@ -24,13 +24,7 @@ KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
 
 
 class Options(Table):
-    """Kernel, scheme, and what is remembered at a rebound.
-
-    Examples
-    --------
-    >>> Options().rebound, Options().kernel, Options().scheme
-    ('impulse', 'basset', 'exponential')
-    """
+    """Kernel, scheme, and what is remembered at a rebound."""
 
     rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="what the memory does at an impact")
     kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")

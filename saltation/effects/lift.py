@@ -19,13 +19,7 @@ VALID = "near the bed; the stream vanishes at and below the bed level, which the
 
 
 class Options(Table):
-    """The lift coefficient.
-
-    Examples
-    --------
-    >>> Options().coefficient
-    0.2
-    """
+    """The lift coefficient."""
 
     coefficient: float = Field(0.2, ge=0.0, le=1.0, description="C_L, dimensionless")
 
@@ -33,27 +27,10 @@ class Options(Table):
 class Lift(NamedTuple):
     """¾ C_L (u_b − u_t)(2u − u_t − u_b), u_t and u_b the stream half a diameter above and below: no cancellation.
 
-    Attributes
-    ----------
-    strength : float, dimensionless
-        ¾ C_L.
-    profile : profile of `saltation.flow`
-
-    References
-    ----------
     Wiberg & Smith (1985), J. Geophys. Res. 90, 7341; thesis (3-2).
-
-    Examples
-    --------
-    >>> from saltation.flow import LogLaw
-    >>> stream, lift = LogLaw(1.0, 0.4, 8.5), Lift(0.15, LogLaw(1.0, 0.4, 8.5))
-    >>> top, bottom = (stream.both(z)[0] for z in (1.5, 0.5))
-    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.5, 0.0, 0.0, 0.0)  # at a speed of 4
-    >>> abs(lift.force(here)[2] - 0.15 * ((4.0 - top) ** 2 - (4.0 - bottom) ** 2)) < 1e-12
-    True
     """
 
-    strength: float
+    strength: float  # ¾ C_L
     profile: Any
 
     def force(self, s: Situation) -> Triple:

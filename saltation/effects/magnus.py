@@ -18,13 +18,7 @@ VALID = "derived for small Re; used beyond"
 
 
 class Options(Table):
-    """All components or the thesis's choice, and how strong.
-
-    Examples
-    --------
-    >>> Options().form, Options().coefficient
-    ('vertical', 0.75)
-    """
+    """All components or the thesis's choice, and how strong."""
 
     form: Literal["vertical", "vector"] = Field("vertical", description="the component normal to the bed only (thesis), or the whole vector")
     coefficient: float = Field(
@@ -36,25 +30,9 @@ class Options(Table):
 
 
 class Vertical(NamedTuple):
-    """C (u_f − u)(ω_y − ½ u_f') upwards.
+    """C (u_f − u)(ω_y − ½ u_f') upwards. Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2)."""
 
-    Attributes
-    ----------
-    strength : float, dimensionless
-        C.
-
-    References
-    ----------
-    Rubinow & Keller (1961), J. Fluid Mech. 11, 447; thesis (3-2).
-
-    Examples
-    --------
-    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.0, 0.0, 5.0, 0.0)  # spins faster than the stream turns, and lags behind it
-    >>> Vertical(0.75).force(here)
-    (0.0, 0.0, 6.0)
-    """
-
-    strength: float
+    strength: float  # C
 
     def force(self, s: Situation) -> Triple:
         """Normal to the bed."""
@@ -62,25 +40,9 @@ class Vertical(NamedTuple):
 
 
 class Vector(NamedTuple):
-    """C ω_r × u_r.
+    """C ω_r × u_r. Rubinow & Keller (1961), J. Fluid Mech. 11, 447."""
 
-    Attributes
-    ----------
-    strength : float, dimensionless
-        C.
-
-    References
-    ----------
-    Rubinow & Keller (1961), J. Fluid Mech. 11, 447.
-
-    Examples
-    --------
-    >>> here = Situation(1.0, -2.0, 0.0, 0.0, 6.0, 2.0, 0.0, 5.0, 0.0)
-    >>> Vector(0.75).force(here) == Vertical(0.75).force(here)  # without slip across and along the normal
-    True
-    """
-
-    strength: float
+    strength: float  # C
 
     def force(self, s: Situation) -> Triple:
         """All three components."""

@@ -24,13 +24,7 @@ VALID = "the prescribed spin: R_p 60 to 90, T below about 3"
 
 
 class Options(Table):
-    """Which law, and whether ρ/ρ_s is in it.
-
-    Examples
-    --------
-    >>> Options().law, Options().density_ratio
-    ('yamamoto', True)
-    """
+    """Which law, and whether ρ/ρ_s is in it."""
 
     law: Literal["yamamoto", "prescribed"] = Field("yamamoto", description="the torque of thesis (3-4), or ω_y = 5.11 − 1.13 T (3-6)")
     density_ratio: bool = Field(True, description="divide the torque by ρ_s/ρ; false: as printed in the thesis")
@@ -38,28 +32,10 @@ class Options(Table):
 
 @shared
 def friction_of(number: float) -> float:
-    """C1 √Re_r + C2 + C3 Re_r², the table's pieces blended.
+    """C1 √Re_r + C2 + C3 Re_r² at Re_r = |ω_r| Re*/4, the pieces of the table of Yamamoto et al. (2001), J. Fluid Mech. 442, 303, blended.
 
-    The pieces meet with jumps of up to 0.8 %, which no integrator of high order passes cheaply: within a quarter of each
-    meeting point they are joined smoothly (by less than half the jump).
-
-    Parameters
-    ----------
-    number : float, dimensionless
-        Re_r = |ω_r| Re*/4.
-
-    Returns
-    -------
-    float, dimensionless
-
-    References
-    ----------
-    Yamamoto et al. (2001), J. Fluid Mech. 442, 303; the joints: this library.
-
-    Examples
-    --------
-    >>> friction_of(0.0) == 16.0 * math.pi  # creeping flow
-    True
+    The pieces meet with jumps of up to 0.8 %, which no integrator of high order passes cheaply: within a quarter of each meeting point they are
+    joined smoothly (by less than half the jump).
     """
     root = math.sqrt(number)
     value = 16.0 * math.pi
@@ -81,24 +57,7 @@ def joined(below: float, above: float, place: float) -> float:
 
 
 class Yamamoto(NamedTuple):
-    """Viscous torque on a sphere.
-
-    Attributes
-    ----------
-    rate : float, dimensionless
-        (15/16π)(4/Re*), over ρ_s/ρ.
-    quarter : float, dimensionless
-        Re*/4.
-
-    References
-    ----------
-    Yamamoto et al. (2001), J. Fluid Mech. 442, 303; thesis (3-4).
-
-    Examples
-    --------
-    >>> Yamamoto(0.1, 10.0).torque(Situation(1.0, 0.0, 0.0, 0.0, 6.0, 4.0, 0.0, 2.0, 0.0))[1]  # turns with the stream: no torque
-    -0.0
-    """
+    """Viscous torque on a sphere. Yamamoto et al. (2001), J. Fluid Mech. 442, 303; thesis (3-4)."""
 
     rate: float  # (15/16π)(4/Re*), over ρ_s/ρ
     quarter: float  # Re*/4
@@ -121,26 +80,7 @@ def build(options: Options, setting: Setting) -> Yamamoto | None:
 
 
 def prescribed_spin(stage: float) -> float:
-    """ω_y d/u* = 5.11 − 1.13 T, thesis (3-6).
-
-    Parameters
-    ----------
-    stage : float, dimensionless
-        T.
-
-    Returns
-    -------
-    float, u*/d
-
-    References
-    ----------
-    Niño & García (1994); thesis (3-6).
-
-    Examples
-    --------
-    >>> round(prescribed_spin(2.0), 12)
-    2.85
-    """
+    """ω_y d/u* = 5.11 − 1.13 T. Niño & García (1994); thesis (3-6)."""
     return 5.11 - 1.13 * stage
 
 

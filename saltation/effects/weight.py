@@ -17,35 +17,14 @@ VALID = "always"
 
 
 class Options(Table):
-    """Nothing to choose; the slope is the channel's.
-
-    Examples
-    --------
-    >>> Options().model_dump()
-    {}
-    """
+    """Nothing to choose; the slope is the channel's."""
 
 
 class Weight(NamedTuple):
-    """Constant force along and normal to the bed.
+    """Constant force along and normal to the bed, thesis (3-1), (3-2)."""
 
-    Attributes
-    ----------
-    along, normal : float, dimensionless
-        sin θ/τ* and cos θ/τ*.
-
-    References
-    ----------
-    Thesis (3-1), (3-2).
-
-    Examples
-    --------
-    >>> Weight(0.5, 30.0).force(Situation(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    (0.5, 0.0, -30.0)
-    """
-
-    along: float
-    normal: float
+    along: float  # sin θ/τ*
+    normal: float  # cos θ/τ*
 
     def force(self, s: Situation) -> Triple:
         """(along, 0, −normal)."""
