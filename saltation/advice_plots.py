@@ -19,27 +19,7 @@ LOOKS = {"height": (BLUE, "o", "height H"), "length": (ORANGE, "s", "length L"),
 
 @styled
 def ablation(table: pd.DataFrame, scene: str = "") -> Figure:
-    """Relative change of H, L and ū when one effect is left out, bars two standard errors.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `advice.ablate`, units as there.
-    scene : str
-        Its name, for the title.
-
-    Returns
-    -------
-    Figure
-        Axes in per cent.
-
-    Examples
-    --------
-    >>> row = {f"{name}_{what}": 0.1 for name in statistics.VARIABLES for what in ("change", "error")} | {"status": "finished"}
-    >>> figure = ablation(pd.DataFrame([row, row], index=["full", "lift"]))
-    >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    ['without lift']
-    """
+    """Relative change of H, L and ū when one effect is left out (`ablate`), bars two standard errors."""
     rows = table.iloc[1:]
     figure, panels = _panels(len(rows), 0.34)
     places = range(len(rows), 0, -1)
@@ -58,28 +38,7 @@ def ablation(table: pd.DataFrame, scene: str = "") -> Figure:
 
 @styled
 def spread(table: pd.DataFrame, scene: str = "") -> Figure:
-    """Mean H, L and ū for every value of every choice, over those of the scene, beside its standard error.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `advice.uncertainty`, units as there.
-    scene : str
-        Its name, for the title.
-
-    Returns
-    -------
-    Figure
-        Axes dimensionless.
-
-    Examples
-    --------
-    >>> row = {name: 2.0 for name in statistics.VARIABLES} | {f"{name}_error": 0.01 for name in statistics.VARIABLES}
-    >>> scene = row | {"choice": "scene", "value": "as given", "status": "finished"}
-    >>> figure = spread(pd.DataFrame([scene, scene | {"choice": "law of drag", "value": "rubey", "height": 3.0}]))
-    >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    ['law of drag']
-    """
+    """Mean H, L and ū for every value of every choice (`uncertainty`), over those of the scene, beside its standard error."""
     base, rows = table.iloc[0], table.iloc[1:]
     choices = list(dict.fromkeys(rows["choice"]))
     figure, panels = _panels(len(choices), 0.6)

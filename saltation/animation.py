@@ -102,42 +102,11 @@ def folded(places: Floats, box: tuple[float, ...]) -> tuple[Floats, NDArray[np.i
 def animate(
     result: CloudResult, path: str | os.PathLike[str], frames: int = FRAMES, start: float | None = None, progress: Callable[[float], None] | None = None
 ) -> None:
-    """Write a GIF of the cloud: every kept position a frame.
+    """Write a GIF of the cloud, whole or not at all: every kept position a frame, from `start` (d/u*; default: half have done `run.discard` jumps).
 
-    The frame stands still: grains that leave the periodic box on one side come back on the other. Of an open cloud it has the size of the
-    first volume and goes with the median grain. It is at most 30 d long and wide. Grains that met in the last quarter of a mean jump
-    have a red rim. In either view those that are nearer hide the others.
-
-    Parameters
-    ----------
-    result : CloudResult
-    path : path
-        A name that ends in .gif; written whole or not at all.
-    frames : int
-        How many; fewer if the run has not kept so many positions after `start`.
-    start : float, d/u*, optional
-        From when; default when half of the grains have done their first `run.discard` jumps, or earlier for `frames` to be there.
-    progress : callable, optional
-        Called with the share that is done (dimensionless).
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept, `frames` is less than 1, or `start` lies after the end.
-    OSError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     animate(result, Path(folder) / "cloud.gif", frames=1)
-    ...     (Path(folder) / "cloud.gif").read_bytes()[:3]
-    b'GIF'
+    The frame stands still: grains that leave the periodic box on one side come back on the other. Of an open cloud it has the size of the first volume and goes
+    with the median grain. It is at most 30 d long and wide. Grains that met in the last quarter of a mean jump have a red rim. In either view those
+    that are nearer hide the others.
     """
     if Path(path).suffix != ".gif":
         raise ValueError(f"path must end in .gif, got {str(path)!r}")

@@ -58,31 +58,7 @@ def needs_width(result: CloudResult, what: str) -> None:
 
 @styled
 def three_dimensional(result: CloudResult) -> Figure:
-    """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in d.
-
-    Raises
-    ------
-    ValueError
-        If the scene is in the plane, or the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> "meet" in three_dimensional(result).get_suptitle()
-    True
-    """
+    """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8. Not for scenes in the plane."""
     needs_width(result, "three_dimensional")
     encounters_of(result, "three_dimensional")
     group = group_of(result, SPAN * jump_time(result))
@@ -113,31 +89,7 @@ def three_dimensional(result: CloudResult) -> Figure:
 
 @styled
 def plan(result: CloudResult) -> Figure:
-    """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in d.
-
-    Raises
-    ------
-    ValueError
-        If the scene is in the plane, or the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> plan(result).get_suptitle().startswith("Seen from above")
-    True
-    """
+    """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9. Not in the plane."""
     needs_width(result, "plan")
     encounters_of(result, "plan")
     group = group_of(result, SPAN * jump_time(result))
@@ -184,31 +136,7 @@ def spread_out(values: Floats, least: float) -> Floats:
 
 @styled
 def pair(result: CloudResult) -> Figure:
-    """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in d and d/u*.
-
-    Raises
-    ------
-    ValueError
-        If the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> "meet in mid-flight" in pair(result).get_suptitle()
-    True
-    """
+    """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6."""
     found = clean_pair(result, "pair")
     moment, tau = float(found.row["time"]), jump_time(result)
     low, high = max(0.0, moment - 1.3 * tau), moment + 1.3 * tau
@@ -248,31 +176,8 @@ def arrow(axes: Any, x: float, z: float, colour: str, hollow: bool) -> None:
 def snapshots(result: CloudResult) -> Figure:
     """One encounter before, at and after contact: circles true to scale and velocities, seen so that the line of centres lies in the picture.
 
-    The picture moves with the centre of mass of the pair at contact, whose velocity the contact does not change; it shows the vertical and
-    the horizontal direction of the line of centres. Thesis fig. 4-7.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in d, velocities in u*.
-
-    Raises
-    ------
-    ValueError
-        If the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> "part at" in snapshots(result).get_suptitle()
-    True
+    The picture moves with the centre of mass of the pair at contact, whose velocity the contact does not change; it shows the vertical and the horizontal
+    direction of the line of centres. Thesis fig. 4-7.
     """
     found = clean_pair(result, "snapshots")
     row, normal, moment = found.row, found.normal(), float(found.row["time"])
@@ -323,38 +228,12 @@ def flat(vector: Floats, along: Floats) -> Floats:
 
 @styled
 def grain_history(result: CloudResult, grain: int | None = None, start: float | None = None) -> Figure:
-    """One grain over ten jumps: height, place, velocity and acceleration across the stream against time; thesis fig. 4-16.
+    """One grain (default: the one that shows most) over ten jumps: height, place, velocity and acceleration across the stream; thesis fig. 4-16.
 
-    A contact takes no time, so a velocity has no acceleration there: the thesis divides the change by the time step, and what it draws
-    depends on that step. Here the acceleration is shown between contacts alone, as the mean over each piece of the path between two kept
-    positions or contacts (the change of velocity over the time, exact, whatever the history force does right after a contact), and
-    encounters are arrows of the length of their jump of velocity (impulse per mass of the grain), on a scale of their own.
-
-    Parameters
-    ----------
-    result : CloudResult
-    grain : int, optional
-        Which; default the one that shows most.
-    start : float, d/u*, optional
-        From when; default when that grain shows most.
-
-    Returns
-    -------
-    Figure
-        Axes in d, u* and u*²/d against d/u*.
-
-    Raises
-    ------
-    ValueError
-        Without encounters or paths, in the plane, for a grain that there is none.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> "is turned across the stream" in grain_history(result).get_suptitle()
-    True
+    A contact takes no time, so a velocity has no acceleration there: the thesis divides the change by the time step, and what it draws depends on that step.
+    Here the acceleration is shown between contacts alone, as the mean over each piece of the path between two kept positions or contacts (the change of
+    velocity over the time, exact, whatever the history force does right after a contact), and encounters are arrows of the length of their jump of
+    velocity (impulse per mass of the grain), on a scale of their own.
     """
     needs_width(result, "grain_history")
     span = 10.0 * jump_time(result)
@@ -430,31 +309,7 @@ def draw_kicks(axes: Any, path: Track, low: float, high: float) -> None:
 
 @styled
 def profiles(result: CloudResult) -> Figure:
-    """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in d and u*.
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> profiles(result).get_suptitle().startswith("Grains are densest at z")
-    True
-    """
+    """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps."""
     start = settled(result)
     table = result.profiles(start=start)
     z, filled = table["z"].to_numpy(), table["concentration"].to_numpy() > 0.0
@@ -511,31 +366,7 @@ def changes(met: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def encounters(result: CloudResult) -> Figure:
-    """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    Figure
-        Axes in degrees, u* and u*/d.
-
-    Raises
-    ------
-    ValueError
-        If the run has no encounter.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> encounters(result).get_suptitle().startswith(f"{len(result.encounters)} encounters")
-    True
-    """
+    """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15."""
     found = changes(encounters_of(result, "encounters"))
     figure = Figure(figsize=(10.0, 7.6))
     panels = figure.subplots(3, 3)
@@ -583,35 +414,9 @@ def ranges_for(lags: Floats, tau: float) -> list[tuple[float, float]]:
 
 @styled
 def second_moments(result: CloudResult, without: CloudResult | None = None) -> Figure:
-    """⟨X'²⟩ and ⟨Y'²⟩ of all grains from one release point against time, with their exponents; thesis figs 4-17 and 4-18.
+    """⟨X'²⟩ and ⟨Y'²⟩ of all grains from one release point against time, with their exponents; thesis figs 4-17 and 4-18, (4-14), (4-15).
 
-    Parameters
-    ----------
-    result : CloudResult
-    without : CloudResult, optional
-        The same scene without encounters, drawn grey.
-
-    Returns
-    -------
-    Figure
-        Axes in d/u* and d².
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept or no displacement scatters.
-
-    References
-    ----------
-    Thesis (4-14), (4-15).
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}}))
-    >>> second_moments(result).get_suptitle().startswith("45 grains spread from one release point")
-    True
+    `without`: the same scene without encounters, drawn grey.
     """
     tau = jump_time(result)
     figure = Figure(figsize=(10.0, 4.8))

@@ -44,24 +44,9 @@ COUNTS = (50, 100, 150, 200, 517)  # fig. 4-3: jumps that a mean is made from; 5
 
 
 def table_4_2(table: pd.DataFrame) -> pd.DataFrame:
-    """Encounters and impacts on the bed per d/u*, beside those printed in Table 4-2.
+    """Encounters (F_pp) and impacts on the bed (F_pb) per d/u* of a campaign, in u*/d, and their ratio, beside those printed in Table 4-2.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Of a campaign, units as there, with the labels concentration, particle_reynolds, stage and encounters (bool).
-
-    Returns
-    -------
-    DataFrame, one row per run with encounters
-        concentration, particle_reynolds, stage; pair_frequency (F_pp), bed_frequency (F_pb) in u*/d, and ratio (F_pb/F_pp, infinite
-        if no grains met); the same with `_printed`, NaN where the thesis prints none.
-
-    Examples
-    --------
-    >>> row = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0, "encounters": True, "pair_frequency": 5.0, "bed_frequency": 20.0}
-    >>> table_4_2(pd.DataFrame([row]))["ratio"].tolist()
-    [4.0]
+    Labels concentration, particle_reynolds, stage and encounters (bool); `_printed` is NaN where the thesis prints none.
     """
     rows = table.loc[table["encounters"], [*RUN, "pair_frequency", "bed_frequency"]].reset_index(drop=True)
     with np.errstate(divide="ignore"):
@@ -79,20 +64,8 @@ def table_4_2(table: pd.DataFrame) -> pd.DataFrame:
 def mean_error(jumps: pd.DataFrame, column: str, seed: int = 0, resamples: int = 400) -> float:
     """Standard error of a mean over the jumps of many grains: blocks of successive jumps are drawn within each grain.
 
-    Grains are independent, jumps of a grain are not: the variances of the grains' own means add up, weighted with the squares
-    of their shares of all jumps. A grain of a single jump counts with the scatter of all.
-
-    Parameters
-    ----------
-    jumps : DataFrame
-        With the columns grain and `column`, jumps of a grain in the order in which they happened.
-    column : str
-    seed, resamples : int
-        As for `statistics.standard_error`.
-
-    Returns
-    -------
-    float, in the unit of the column; NaN for fewer than two jumps
+    Grains are independent, jumps of a grain are not: the variances of the grains' own means add up, weighted with the squares of their shares of all
+    jumps. A grain of a single jump counts with the scatter of all.
     """
     values = jumps[column].to_numpy()
     if len(values) < 2:
@@ -107,29 +80,10 @@ def mean_error(jumps: pd.DataFrame, column: str, seed: int = 0, resamples: int =
 def compare(meeting: CloudResult, passing: CloudResult) -> pd.DataFrame:
     """Jumps of a run with and of one without encounters: figs 4-10 to 4-12, the thesis's test and one that knows of correlation.
 
-    Parameters
-    ----------
-    meeting, passing : CloudResult
-        With encounters, and without.
-
-    Returns
-    -------
-    DataFrame, one row per quantity of `COMPARED` (abs_deviation_angle is |deviation_angle|), in its unit
-        mean_with, sd_with, jumps_with, the same `_without`; difference of the means (with − without) and its standard_error (blocks
-        of successive jumps within grains; runs taken as independent); p_bootstrap, of so great a difference by chance, from these
-        two; p_wilcoxon, of the two-sided rank-sum test, which takes jumps for independent. NaN where no jump counts.
-
-    References
-    ----------
-    thesis, section 4.3.2; Mann and Whitney (1947), Ann. Math. Stat. 18, 50–60.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> set(compare(result, result)["difference"])  # with itself
-    {0.0}
+    One row per quantity of `COMPARED` (abs_deviation_angle is |deviation_angle|), in its unit: mean_with, sd_with, jumps_with, the same `_without`; difference
+    of the means (with − without) and its standard_error (blocks of successive jumps within grains; runs taken as independent); p_bootstrap, of so great a
+    difference by chance, from these two; p_wilcoxon, of the two-sided rank-sum test, which takes jumps for independent. NaN where no jump counts.
+    Thesis, section 4.3.2; Mann and Whitney (1947), Ann. Math. Stat. 18, 50–60.
     """
     tables = [result.jumps.assign(abs_deviation_angle=lambda jumps: jumps["deviation_angle"].abs()) for result in (meeting, passing)]
     rows = []
@@ -157,26 +111,9 @@ def two_sided(difference: float, error: float) -> float:
 
 
 def changes(result: CloudResult) -> pd.DataFrame:
-    """What each encounter changes, after minus before, of both grains: thesis figs 4-13 to 4-15.
+    """What each encounter changes, after minus before, of both grains, two rows per encounter: thesis figs 4-13 to 4-15.
 
-    Parameters
-    ----------
-    result : CloudResult
-
-    Returns
-    -------
-    DataFrame, two rows per encounter
-        grain; angle_xz (inclination of the velocity), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180;
-        u, v, w in u*; spin_x, spin_y, spin_z in u*/d.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> found = changes(result)
-    >>> len(found) == 2 * len(result.encounters), bool(abs(found["u"].sum()) < 1e-9)  # what one gains the other loses
-    (True, True)
+    angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spin_x, spin_y, spin_z in u*/d.
     """
     met = result.encounters
     parts = []
@@ -205,41 +142,11 @@ def distribution(changed: pd.DataFrame) -> pd.DataFrame:
 
 
 def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, int]:
-    """Displacements of all grains that stay to the end, shifted to one release point.
+    """Displacements of all grains that stay to the end, shifted to one release point: lags (m,), d/u*, members (grains · releases, m, k), d, releases of each.
 
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    again : bool
-        Release each grain not once, where it sets out, as the thesis does, but again and again, every `RELEASES` mean durations of
-        a jump, after the jumps that are discarded: what is then seen does not remember the start. Lags reach over a third of that time.
-
-    Returns
-    -------
-    lags : ndarray, shape (m,), d/u*
-        About `LAGS`, evenly spaced in their logarithm.
-    members : ndarray, shape (grains · releases, m, k), d
-        Along the stream and, in three dimensions, across. Those of a grain are neighbours.
-    releases : int
-        Of each grain.
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept, are too short, or no jump counts.
-
-    References
-    ----------
-    thesis, section 4.3.2, figs 4-17 and 4-18.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> lags, members, releases = ensemble(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})))
-    >>> members.shape == (45, len(lags), 2), releases
-    (True, 1)
+    `again`: each grain is released not once, where it sets out, as the thesis does, but every `RELEASES` mean durations of a jump, after the jumps that are
+    discarded: what is then seen does not remember the start; lags reach over a third of that time. Members of a grain are neighbours; k: along and, in
+    three dimensions, across the stream. Thesis, section 4.3.2, figs 4-17 and 4-18.
     """
     path = result.trajectory
     time = path["time"].to_numpy()
@@ -261,38 +168,11 @@ def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, 
 
 
 def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
-    """γ of ⟨X'²⟩ and ⟨Y'²⟩ ∝ t^(2γ) in the three ranges, with intervals from the scatter over grains.
+    """γ of ⟨X'²⟩ and ⟨Y'²⟩ ∝ t^(2γ) in the three ranges, with 95 % intervals from the scatter over grains (drawn with all their releases).
 
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    seed, resamples : int
-        Of the draws.
-
-    Returns
-    -------
-    DataFrame, one row per ensemble ("first": released where they set out; "all": again and again), axis and range
-        low, high (lags, d/u*), gamma, and lower and upper end of its 95 % interval, dimensionless (grains drawn with replacement,
-        each with all its releases). NaN where grains do not scatter, are fewer than ten, or a range lies beyond the run.
-
-    Raises
-    ------
-    ValueError
-        As `ensemble`.
-
-    References
-    ----------
-    thesis (4-14), (4-15), figs 4-17 and 4-18; ranges of Nikora et al. (2001), here in mean durations of a jump, `RANGES`.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> found = exponents(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})), resamples=20)
-    >>> first = found[(found["range"] == "local") & (found["axis"] == "x")].iloc[0]
-    >>> first["lower"] <= first["gamma"] <= first["upper"]
-    np.True_
+    One row per ensemble ("first": released where they set out; "all": again and again), axis and range: low, high (lags, d/u*), gamma, lower, upper. NaN where
+    grains do not scatter, are fewer than ten, or a range lies beyond the run. Thesis (4-14), (4-15), figs 4-17 and 4-18; ranges of
+    Nikora et al. (2001), here in mean durations of a jump, `RANGES`.
     """
     duration = float(result.jumps["duration"].mean())
     rows = []
@@ -315,26 +195,9 @@ def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.Da
 
 
 def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
-    """Means of height and length over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
+    """Means of height and length, d, over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
 
-    Parameters
-    ----------
-    result : CloudResult
-    counts : sequence of int
-        n.
-
-    Returns
-    -------
-    DataFrame, one row per n
-        jumps (n), grains (that have so many), and of height and length (d): the mean over all these jumps, `_sd` of single jumps and
-        `_scatter`, the standard deviation over grains of their means of n jumps: what such a mean is uncertain by. NaN where too few grains do.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> convergence(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})), counts=[1])["grains"].tolist()
-    [45]
+    `_sd` is that of single jumps, `_scatter` the standard deviation over grains of their means of n jumps: what such a mean is uncertain by.
     """
     jumps = result.jumps
     number, total = jumps.groupby("grain").cumcount(), jumps.groupby("grain")["height"].transform("size")
@@ -352,30 +215,9 @@ def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataF
 
 
 def analyses(table: pd.DataFrame, opened: Callable[[str], CloudResult]) -> dict[str, pd.DataFrame]:
-    """All tables of the 24 runs of Table 4-1, or of others with such labels.
+    """All tables of the 24 runs of Table 4-1, or of others with such labels; `opened` gives the result of a run by its label `name`.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Of the campaign on `campaigns.grains()`, units as there.
-    opened : callable
-        The result of a run by its label `name`.
-
-    Returns
-    -------
-    dict of DataFrame
-        table_4_2; comparison, of each run with and without encounters; changes, per run with encounters; exponents; convergence.
-        Each with the labels of the runs, units as of the functions of these names.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> scene = scene_of(read("sand_cloud") | {"run": {"duration": 0.1}})
-    >>> row = {"name": "a", "concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0, "encounters": True}
-    >>> table = pd.DataFrame([row | {"pair_frequency": 5.0, "bed_frequency": 20.0}])
-    >>> sorted(analyses(table, lambda name: saltation.run(scene)))
-    ['changes', 'comparison', 'convergence', 'exponents', 'table_4_2']
+    table_4_2; comparison, of each run with and without encounters; changes, per run with encounters; exponents; convergence: each with the labels of the runs.
     """
     found: dict[str, list[pd.DataFrame]] = {"comparison": [], "changes": [], "exponents": [], "convergence": []}
     for run, both in table.groupby(RUN, sort=False):

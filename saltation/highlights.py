@@ -45,40 +45,14 @@ def some(rows: int) -> NDArray[np.int64]:
 
 
 class Group(NamedTuple):
-    """Grains whose encounters join them, between two times.
+    """Grains whose encounters join them, between two times."""
 
-    Attributes
-    ----------
-    low, high : float, d/u*
-        From when, and until when.
-    offsets : dict of int to ndarray (3,), d
-        Grain -> what brings its path into one periodic image with the others.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.2}}))
-    >>> group = group_of(result, span=4.0)
-    >>> 2 <= len(group.offsets) <= MOST, bool((group.of(result)["time"] <= group.high).all())
-    (True, True)
-    """
-
-    low: float
-    high: float
-    offsets: dict[int, Floats]
+    low: float  # d/u*, from when
+    high: float  # d/u*, until when
+    offsets: dict[int, Floats]  # grain -> (3,) d: what brings its path into one periodic image with the others
 
     def of(self, result: CloudResult) -> pd.DataFrame:
-        """The encounters of its grains in its time, in the order of time; index as in the run's table.
-
-        Parameters
-        ----------
-        result : CloudResult
-
-        Returns
-        -------
-        DataFrame, one row per encounter, units as there
-        """
+        """The encounters of its grains in its time, in the order of time; index as in the run's table."""
         return members(within(result.encounters, self.low, self.high), self.offsets)
 
 
@@ -111,27 +85,7 @@ def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Cl
 
 
 def group_of(result: CloudResult, span: float) -> Group:
-    """Where in the run the most encounters lie among a handful of grains.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    span : float, d/u*
-        Within what time.
-
-    Returns
-    -------
-    Group
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> group = group_of(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.2}})), span=4.0)
-    >>> round(group.high - group.low, 9)
-    4.0
-    """
+    """Where in the run the most encounters lie among a handful of grains within a time `span`, d/u*."""
     met = result.encounters.reset_index(drop=True)
     places = meeting_places(result)
     best, found = (-1, -1), Group(0.0, span, {})
@@ -158,63 +112,24 @@ def contact_points(result: CloudResult, group: Group) -> tuple[Floats, NDArray[n
 
 
 class Pair(NamedTuple):
-    """A clean encounter.
+    """A clean encounter."""
 
-    Attributes
-    ----------
-    row : Series, units as in the run's table
-        Its row there.
-    tracks : two Tracks
-        Of the first and the second grain, in one periodic image.
-    calm : float, d/u*
-        Time to the nearest other contact.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> found = clean_pair(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.2}})), "the example")
-    >>> bool(found.relative() @ found.normal() < 0.0)  # they close in
-    True
-    >>> abs(found.apart(float(found.row["time"])) - 1.0) < 1e-6  # and touch
-    True
-    """
-
-    row: pd.Series
-    tracks: tuple[Track, Track]
-    calm: float
+    row: pd.Series  # of the run's table
+    tracks: tuple[Track, Track]  # of the first and the second grain, in one periodic image
+    calm: float  # d/u*, time to the nearest other contact
 
     def relative(self) -> Floats:
-        """Velocity of the second grain relative to the first, before the contact.
-
-        Returns
-        -------
-        ndarray (3,), u*
-        """
+        """Velocity of the second grain relative to the first before the contact, u* (3,)."""
         velocity: Floats = np.array([self.row[f"second_{name}"] - self.row[f"first_{name}"] for name in SPEEDS])
         return velocity
 
     def apart(self, time: float) -> float:
-        """Distance of the centres.
-
-        Parameters
-        ----------
-        time : float, d/u*
-
-        Returns
-        -------
-        float, d
-        """
+        """Distance of the centres, d, at a time, d/u*."""
         one, other = (path.at([time])[0][0] for path in self.tracks)
         return float(np.linalg.norm(other - one))
 
     def normal(self) -> Floats:
-        """Unit vector from the first to the second grain.
-
-        Returns
-        -------
-        ndarray (3,), dimensionless
-        """
+        """Unit vector from the first to the second grain (3,)."""
         return np.array([self.row[name] for name in ("n_x", "n_y", "n_z")])
 
 
@@ -234,31 +149,7 @@ def calm_around(result: CloudResult) -> Floats:
 
 
 def clean_pair(result: CloudResult, what: str) -> Pair:
-    """The encounter that shows best: long after and before other contacts, fast along the normal, in the x–z plane.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    what : str
-        Who asks, for the message where no grains meet.
-
-    Returns
-    -------
-    Pair
-
-    Raises
-    ------
-    ValueError
-        If the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> clean_pair(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.2}})), "the example").calm > 0.0
-    True
-    """
+    """The encounter that shows best: long after and before other contacts, fast along the normal, in the x–z plane; `what` asks, for the message."""
     met = encounters_of(result, what).reset_index(drop=True)
     calm, tau = calm_around(result), jump_time(result)
     normal = columns(met, ("n_x", "n_y", "n_z"))
@@ -273,33 +164,7 @@ def clean_pair(result: CloudResult, what: str) -> Pair:
 
 
 def busiest(result: CloudResult, span: float) -> tuple[int, float]:
-    """The grain that encounters turn most across the stream without following on each other's heels, and when.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    span : float, d/u*
-        Within what time.
-
-    Returns
-    -------
-    int; float, d/u*
-        The grain, and the beginning of that time.
-
-    Raises
-    ------
-    ValueError
-        If the run has no encounter or no paths.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> grain, low = busiest(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.2}})), span=4.0)
-    >>> 0 <= grain < 45, low >= 0.0
-    (True, True)
-    """
+    """The grain that encounters turn most across the stream without following on each other's heels, and from when on within a `span`, d/u*."""
     met = encounters_of(result, "grain_history").reset_index(drop=True)
     turned = np.abs(met["first_v_after"] - met["first_v"])
     clear = np.minimum(calm_around(result) / (0.1 * jump_time(result)), 1.0)

@@ -78,29 +78,7 @@ def draw_path(figure: Figure, along: Floats, up: Floats, across: Floats | None, 
 
 @styled
 def trajectory(result: Result) -> Figure:
-    """Side view and plan of the first jumps that count; without a bed the whole path.
-
-    Parameters
-    ----------
-    result : Result
-        With its path.
-
-    Returns
-    -------
-    Figure
-        Axes in d and d/u*.
-
-    Raises
-    ------
-    ValueError
-        If the path was not kept.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> trajectory(saltation.run(saltation.load("bouncing"))).get_suptitle().split(";")[0]
-    '5 of 5 jumps'
-    """
+    """Side view and plan of the first jumps that count; without a bed the whole path."""
     path, jumps = result.trajectory, result.jumps
     time, x, z = (path[name].to_numpy() for name in ("time", "x", "z"))
     chosen, ends = np.ones(len(time), dtype=bool), np.empty(0)
@@ -127,28 +105,7 @@ def trajectory(result: Result) -> Figure:
 
 @styled
 def jumps(result: Result) -> Figure:
-    """Distributions of height, length, speed, takeoff angle and deviation.
-
-    Parameters
-    ----------
-    result : Result
-
-    Returns
-    -------
-    Figure
-        Axes in d, u* and degrees.
-
-    Raises
-    ------
-    ValueError
-        If no jump counts, or all are alike.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> jumps(saltation.run(saltation.load("bouncing"))).get_suptitle().startswith("Single jumps scatter by")
-    True
-    """
+    """Distributions of height, length, speed, takeoff angle and deviation."""
     table, numbers = jumps_of(result, "jumps"), result.summary()
     columns = {
         "height": "rise H (d)",
@@ -210,29 +167,7 @@ def draw_budget(figure: Figure, frame: pd.DataFrame, title: str) -> None:
 
 @styled
 def budget(result: Result) -> Figure:
-    """The mean jump and the forces over its phase, thesis fig. 3-14.
-
-    Parameters
-    ----------
-    result : Result
-        With its path.
-
-    Returns
-    -------
-    Figure
-        Shares in per cent.
-
-    Raises
-    ------
-    ValueError
-        If the path was not kept or no jump counts.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> "weight" in budget(saltation.run(saltation.load("bouncing"))).get_suptitle()
-    True
-    """
+    """The mean jump and the forces over its phase, thesis fig. 3-14."""
     frame = result.budget()
     figure = Figure(figsize=(8.0, 7.4))
     up = shares(frame, "z").abs().mean().sort_values(ascending=False)
@@ -268,32 +203,9 @@ def ranges_of(lags: Floats, duration: float) -> list[tuple[float, float]]:
 
 @styled
 def diffusion(result: Result) -> Figure:
-    """Second moments of the displacement against the lag with their exponents, thesis fig. 3-17.
+    """Second moments of the displacement against the lag with their exponents, thesis fig. 3-17; at least 20 jumps have to count.
 
-    Parameters
-    ----------
-    result : Result
-        With its path.
-
-    Returns
-    -------
-    Figure
-        Axes in d/u* and d².
-
-    Raises
-    ------
-    ValueError
-        If the path was not kept, fewer than 20 jumps count, or none scatters.
-
-    References
-    ----------
     Nikora et al. (2001), J. Phys. A 34, L743–L749; thesis (3-7), (3-8).
-
-    Examples
-    --------
-    >>> import saltation
-    >>> diffusion(saltation.run(saltation.load("sand"))).get_suptitle().startswith("Grains spread: along the stream γ")
-    True
     """
     jumps = jumps_of(result, "diffusion")
     if len(jumps) < 20:
@@ -340,30 +252,7 @@ def over_phase(result: Result, names: Sequence[str], phases: int = 40) -> Floats
 
 @styled
 def spin(result: Result) -> Figure:
-    """Spin about the axis across the stream: over the phase of the jumps, and the distribution of their means.
-
-    Parameters
-    ----------
-    result : Result
-        With its path.
-
-    Returns
-    -------
-    Figure
-        Axes in u*/d.
-
-    Raises
-    ------
-    ValueError
-        If no jump counts or nothing turns the grain.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> spin(saltation.run(scene_of(read("sand") | {"run": {"jumps": 40}}))).get_suptitle().startswith("The grain turns with")
-    True
-    """
+    """Spin about the axis across the stream: over the phase of the jumps, and the distribution of their means."""
     jumps = jumps_of(result, "spin")
     unit = f"{unit_of(result)}/d"
     if "spin_y" not in result.trajectory or not np.isfinite(jumps["spin"]).all() or not jumps["spin"].any():

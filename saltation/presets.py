@@ -8,22 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Preset:
-    """Effects, dimensions and options that differ from the default.
-
-    Attributes
-    ----------
-    effects : tuple of str
-        Names in `saltation.effects.EFFECTS`.
-    dimensions : int
-        2 or 3.
-    options : dict of dict
-        Effect -> its options.
-
-    Examples
-    --------
-    >>> PRESETS["bialik_2011"].effects
-    ('weight', 'drag', 'added_mass', 'lift', 'history')
-    """
+    """Effects, dimensions and options that differ from the default."""
 
     effects: tuple[str, ...]
     dimensions: int

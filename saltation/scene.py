@@ -79,39 +79,21 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class Fluid(Table):
-    """The fluid.
-
-    Examples
-    --------
-    >>> Fluid().density
-    1000.0
-    """
+    """The fluid."""
 
     density: float = Field(1000.0, gt=0.0, description="kg/m3")
     viscosity: float = Field(1.0e-6, gt=0.0, description="kinematic, m2/s")
 
 
 class Grain(Table):
-    """The grain, a sphere.
-
-    Examples
-    --------
-    >>> Grain(diameter=0.5e-3).density
-    2650.0
-    """
+    """The grain, a sphere."""
 
     density: float = Field(2650.0, gt=0.0, description="kg/m3")
     diameter: float = Field(gt=0.0, description="m")
 
 
 class Channel(Table):
-    """The stream; leave the table out for still water.
-
-    Examples
-    --------
-    >>> Channel(transport_stage=2.0).profile
-    'swamee'
-    """
+    """The stream; leave the table out for still water."""
 
     transport_stage: float | None = Field(None, gt=0.0, description="τ*/τ*c, dimensionless; or give shear_velocity")
     shear_velocity: float | None = Field(None, gt=0.0, description="u*, m/s; or give transport_stage")
@@ -128,13 +110,7 @@ class Channel(Table):
 
 
 class Bed(Table):
-    """The bed; leave the table out where there is none.
-
-    Examples
-    --------
-    >>> Bed(friction=0.1).rebound, Bed(rebound="garcia_nino", tangential_retention=0.75).friction
-    ('tsuji', None)
-    """
+    """The bed; leave the table out where there is none."""
 
     rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
     roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
@@ -164,13 +140,7 @@ class Bed(Table):
 
 
 class Start(Table):
-    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact.
-
-    Examples
-    --------
-    >>> Start().velocity is None  # 2 u* along and up
-    True
-    """
+    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
 
     velocity: Vector | None = Field(None, description="x, y, z in m/s")
     spin: Vector | None = Field(None, description="x, y, z in rad/s")
@@ -178,13 +148,7 @@ class Start(Table):
 
 
 class Solver(Table):
-    """How flights are integrated.
-
-    Examples
-    --------
-    >>> Solver(method="fixed_step", dt=1e-3).dt
-    0.001
-    """
+    """How flights are integrated."""
 
     method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
     rtol: float = Field(
@@ -205,13 +169,7 @@ class Solver(Table):
 
 
 class Cloud(Table):
-    """Many grains instead of one; all set out at once from random places in a layer over the bed.
-
-    Examples
-    --------
-    >>> Cloud(number=100, concentration=0.01).boundary
-    'periodic'
-    """
+    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
 
     number: int = Field(ge=1, le=10**7, description="number of grains")
     concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over the volume that their first centres span")
@@ -222,13 +180,7 @@ class Cloud(Table):
 
 
 class Run(Table):
-    """How long, and which random numbers.
-
-    Examples
-    --------
-    >>> Run(jumps=220, discard=20).seed
-    1
-    """
+    """How long, and which random numbers."""
 
     jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
     duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
@@ -249,13 +201,7 @@ class Run(Table):
 
 
 class Chosen(Table):
-    """How effects = "auto" came to the effects.
-
-    Examples
-    --------
-    >>> Chosen.model_fields["kept"].description
-    'the effects of the scene'
-    """
+    """How effects = "auto" came to the effects."""
 
     of: str = Field(description="the key of the scene that said 'auto'")
     tolerance: float = Field(description="relative, of mean H, L and ū (dimensionless)")
@@ -336,17 +282,7 @@ class Basis(Table):
         return (self.dimensions or default) == 2
 
     def options(self, name: str) -> Any:
-        """The table of an effect: as given, the preset's, or the default.
-
-        Parameters
-        ----------
-        name : str
-            A key of `saltation.effects.EFFECTS`.
-
-        Returns
-        -------
-        Options of that effect
-        """
+        """The table of an effect: as given, the preset's, or the default."""
         given = getattr(self, name)
         if given is not None:
             return given
@@ -527,27 +463,7 @@ class Basis(Table):
         self.steps_of(self.horizon)
 
     def steps_of(self, horizon: float) -> int:
-        """How many fixed steps a memory holds: with it everything is known that a run will say of scheme, step and memory.
-
-        Parameters
-        ----------
-        horizon : float, d/u*
-
-        Returns
-        -------
-        int
-
-        Raises
-        ------
-        ValueError
-            If scheme, step and memory do not fit.
-
-        Examples
-        --------
-        >>> content = read("settling") | {"solver": {"method": "fixed_step", "dt": 0.01}, "history": {"scheme": "daitche"}}
-        >>> scene_of(content).steps_of(20.0)
-        2000
-        """
+        """How many fixed steps a memory of a horizon (d/u*) holds: with it everything is known that a run will say of scheme, step and memory."""
         from basset import BassetKernel
         from basset.streaming import Plan
 
@@ -559,22 +475,9 @@ class Basis(Table):
             raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None
 
     def history_rule(self, horizon: float | None = None) -> Any:
-        """The rule of `basset` that a fixed-step scene names.
+        """The rule of `basset` that a fixed-step scene names, its window in d/u*; `horizon` (d/u*): how far a fitted tail has to reach.
 
-        Parameters
-        ----------
-        horizon : float, d/u*, or None
-            How far a fitted tail has to reach; None: the scene's own.
-
-        Returns
-        -------
-        basset.Rule
-            Its window in units of d/u*.
-
-        Raises
-        ------
-        ValueError
-            If the words name no rule, or do not belong together.
+        ValueError if the words name no rule, or do not belong together.
         """
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
@@ -745,27 +648,7 @@ def _table(annotation: Any) -> Any:
 
 
 def scene_of(content: Any) -> Any:
-    """A validated scene from a dictionary.
-
-    Parameters
-    ----------
-    content : mapping
-        Tables and fields as in a TOML file.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    SceneError
-        With one sentence, if the scene is wrong.
-
-    Examples
-    --------
-    >>> scene_of({"effects": ["weight", "drag"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
-    ('weight', 'drag')
-    """
+    """A validated scene from a dictionary with tables and fields as in a TOML file; SceneError, with one sentence, if it is wrong."""
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
@@ -775,18 +658,7 @@ def scene_of(content: Any) -> Any:
 
 
 def shipped() -> dict[str, Path]:
-    """The scenes that come with the package, by name.
-
-    Returns
-    -------
-    dict
-        Name -> Path.
-
-    Examples
-    --------
-    >>> "sand" in shipped()
-    True
-    """
+    """The scenes that come with the package: name -> path."""
     folder = Path(str(resources.files("saltation") / "scenes"))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 

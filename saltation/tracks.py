@@ -26,47 +26,21 @@ AXES, SPEEDS = ("x", "y", "z"), ("u", "v", "w")
 class Track:
     """A grain's path: kept positions and contacts in the order of time, not folded back into a periodic box.
 
-    Attributes
-    ----------
-    time : ndarray (n,), d/u*
-    place : ndarray (n, 3), d
-    before, after : ndarray (n, 3), u*
-        Velocity on either side; they differ at contacts.
-    kind : ndarray (n,), dimensionless
-        KEPT position, contact with the BED, or encounter (MET).
-
-    Examples
-    --------
     >>> still, fast = np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2)
     >>> path = Track(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), fast, fast, np.array([KEPT, KEPT]))
     >>> place, velocity = path.at([0.5])
     >>> place, velocity
     (array([[0.5, 0. , 1. ]]), array([[1., 0., 0.]]))
-    >>> times, places = path.line(0.0, 2.0, each=2)
-    >>> times
-    array([0., 1., 2.])
-    >>> ends, accelerations = path.mean_accelerations()
-    >>> accelerations
-    array([[0., 0., 0.]])
     """
 
-    time: Floats
-    place: Floats
-    before: Floats
-    after: Floats
-    kind: NDArray[np.int64]
+    time: Floats  # (n,) d/u*
+    place: Floats  # (n, 3) d
+    before: Floats  # (n, 3) u*, velocity before what happens there
+    after: Floats  # (n, 3) u*, after: they differ at contacts
+    kind: NDArray[np.int64]  # (n,) KEPT position, contact with the BED, or encounter (MET)
 
     def at(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Places and velocities: cubic in each piece, NaN outside of the path; at a contact the velocity is the one after it.
-
-        Parameters
-        ----------
-        times : array_like (m,), d/u*
-
-        Returns
-        -------
-        ndarray (m, 3), d; ndarray (m, 3), u*
-        """
+        """Places (m, 3), d, and velocities (m, 3), u*: cubic in each piece, NaN outside of the path; at a contact the velocity is the one after it."""
         t = np.asarray(times, dtype=np.float64)
         k = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
         size = (self.time[k + 1] - self.time[k])[:, None]
@@ -80,19 +54,7 @@ class Track:
         return place, velocity
 
     def line(self, low: float, high: float, each: int = 6) -> tuple[Floats, Floats]:
-        """Times and places to draw the path through every knot.
-
-        Parameters
-        ----------
-        low, high : float, d/u*
-            From when, and until when.
-        each : int
-            Pieces between two knots.
-
-        Returns
-        -------
-        ndarray (m,), d/u*; ndarray (m, 3), d
-        """
+        """Times and places (m, 3), d, to draw the path through every knot between two times, d/u*, `each` pieces between two knots."""
         low, high = max(low, self.time[0]), min(high, self.time[-1])
         inside = self.time[(self.time > low) & (self.time < high)]
         knots = np.concatenate([[low], inside, [high]])
@@ -100,13 +62,7 @@ class Track:
         return times, self.at(times)[0]
 
     def mean_accelerations(self) -> tuple[Floats, Floats]:
-        """Mean accelerations between the knots, without what contacts do in no time.
-
-        Returns
-        -------
-        ndarray (m, 2), d/u*; ndarray (m, 3), u*²/d
-            Ends of the pieces, and the accelerations there.
-        """
+        """Mean accelerations between the knots, without what contacts do in no time: ends (m, 2), d/u*, of the pieces, accelerations (m, 3), u*²/d."""
         size = np.diff(self.time)
         long = size > 0.0
         ends = np.stack([self.time[:-1], self.time[1:]], axis=1)[long]
@@ -130,31 +86,7 @@ def image(result: CloudResult, here: Floats, there: Floats) -> Floats:
 
 
 def meeting_places(result: CloudResult) -> tuple[Floats, Floats]:
-    """Centres of the first and of the second grain of every encounter, each on its own path (not folded back).
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-
-    Returns
-    -------
-    ndarray (n, 3), d; ndarray (n, 3), d
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> first, second = meeting_places(result)
-    >>> first.shape == second.shape == (len(result.encounters), 3)
-    True
-    """
+    """Centres (n, 3), d, of the first and of the second grain of every encounter, each on its own path (not folded back)."""
     met, path = result.encounters, result.trajectory
     if not len(met):
         return np.empty((0, 3)), np.empty((0, 3))
@@ -168,34 +100,7 @@ def meeting_places(result: CloudResult) -> tuple[Floats, Floats]:
 
 
 def track(result: CloudResult, grain: int) -> Track:
-    """The path of a grain.
-
-    It ends before the last contact with the bed: where that was and what followed is in no table.
-
-    Parameters
-    ----------
-    result : CloudResult
-        With its paths.
-    grain : int
-        Its number, from 0 on.
-
-    Returns
-    -------
-    Track
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept, or there is no such grain.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> path = track(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}})), 0)
-    >>> bool((np.diff(path.time) >= 0.0).all()), set(path.kind.tolist()) <= {KEPT, BED, MET}
-    (True, True)
-    """
+    """The path of a grain. It ends before the last contact with the bed: where that was and what followed is in no table."""
     path = result.trajectory
     if not 0 <= grain < path.sizes["grain"]:
         raise ValueError(f"grain must be from 0 to {path.sizes['grain'] - 1}, got {grain}")
