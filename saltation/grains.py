@@ -113,7 +113,7 @@ def two_sided(difference: float, error: float) -> float:
 def changes(result: CloudResult) -> pd.DataFrame:
     """What each encounter changes, after minus before, of both grains, two rows per encounter: thesis figs 4-13 to 4-15.
 
-    angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spin_x, spin_y, spin_z in u*/d.
+    angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spins in u*/d.
     """
     met = result.encounters
     parts = []

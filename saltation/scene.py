@@ -282,7 +282,17 @@ class Basis(Table):
         return (self.dimensions or default) == 2
 
     def options(self, name: str) -> Any:
-        """The table of an effect: as given, the preset's, or the default."""
+        """The table of an effect: as given, the preset's, or the default.
+
+        Parameters
+        ----------
+        name : str
+            A key of `saltation.effects.EFFECTS`.
+
+        Returns
+        -------
+        Options of that effect
+        """
         given = getattr(self, name)
         if given is not None:
             return given
@@ -463,7 +473,27 @@ class Basis(Table):
         self.steps_of(self.horizon)
 
     def steps_of(self, horizon: float) -> int:
-        """How many fixed steps a memory of a horizon (d/u*) holds: with it everything is known that a run will say of scheme, step and memory."""
+        """How many fixed steps a memory holds: with it everything is known that a run will say of scheme, step and memory.
+
+        Parameters
+        ----------
+        horizon : float, d/u*
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        ValueError
+            If scheme, step and memory do not fit.
+
+        Examples
+        --------
+        >>> content = read("settling") | {"solver": {"method": "fixed_step", "dt": 0.01}, "history": {"scheme": "daitche"}}
+        >>> scene_of(content).steps_of(20.0)
+        2000
+        """
         from basset import BassetKernel
         from basset.streaming import Plan
 
@@ -475,9 +505,22 @@ class Basis(Table):
             raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None
 
     def history_rule(self, horizon: float | None = None) -> Any:
-        """The rule of `basset` that a fixed-step scene names, its window in d/u*; `horizon` (d/u*): how far a fitted tail has to reach.
+        """The rule of `basset` that a fixed-step scene names.
 
-        ValueError if the words name no rule, or do not belong together.
+        Parameters
+        ----------
+        horizon : float, d/u*, or None
+            How far a fitted tail has to reach; None: the scene's own.
+
+        Returns
+        -------
+        basset.Rule
+            Its window in units of d/u*.
+
+        Raises
+        ------
+        ValueError
+            If the words name no rule, or do not belong together.
         """
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
