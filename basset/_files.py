@@ -18,11 +18,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name of a temporary file beside `path` that takes its place when all went well; else nothing is left behind.
 
     A link is followed, a file that was there passes its mode on, and a new one's follows the umask; a device or a pipe is written to.
-
-    Raises
-    ------
-    OSError
-        If the folder does not exist or cannot be written.
+    OSError if the folder does not exist or cannot be written.
     """
     if is_stream(path):
         with tempfile.TemporaryDirectory() as folder:

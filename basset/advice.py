@@ -45,37 +45,18 @@ RESOLVED = 2.0  # samples per time scale, at least
 
 @dataclass(frozen=True)
 class Machine:
-    """Seconds that things take here.
+    """Seconds that things take here."""
 
-    Attributes
-    ----------
-    call, path : float, seconds
-        A short call: of a stream, of a path by FFT.
-    step, column, node, term : float, seconds
-        A stream: per step; per step and column; of these per remembered node and per exponential.
-    stall : float, seconds
-        A stream, per step and column, where a window's nodes fill whole vectors: the newest one is read before it is written.
-    whole : float, seconds
-        A stream, per step and column, while the whole history is kept.
-    transform, spill : float, seconds
-        A path by FFT, per step and column: times log2 of the steps; on top, where it does not fit into a fast cache.
-
-    Examples
-    --------
-    >>> Machine(*[1e-9] * 10).node
-    1e-09
-    """
-
-    call: float
-    path: float
-    step: float
-    column: float
-    node: float
-    term: float
-    stall: float
-    whole: float
-    transform: float
-    spill: float
+    call: float  # a short call of a stream
+    path: float  # a short call of a path by FFT
+    step: float  # a stream, per step
+    column: float  # a stream, per step and column
+    node: float  # a stream, per step, column and remembered node
+    term: float  # a stream, per step, column and exponential
+    stall: float  # a stream, per step and column, where a window's nodes fill whole vectors: the newest one is read before it is written
+    whole: float  # a stream, per step and column, while the whole history is kept
+    transform: float  # a path by FFT, per step and column: times log2 of the steps
+    spill: float  # a path by FFT, per step and column, on top where it does not fit into a fast cache
 
 
 @dataclass(frozen=True)
@@ -308,22 +289,12 @@ def _length(dt: float | None, steps: int | None, duration: float | None) -> floa
 
 @dataclass(frozen=True)
 class Signal:
-    """A rate on which schemes are tried.
+    """A rate on which schemes are tried."""
 
-    Attributes
-    ----------
-    rate : callable
-        g(t), seconds to array (nodes, columns).
-    scale : float, seconds
-    length : float, seconds
-    margin : float
-        By which predicted errors are to be multiplied.
-    """
-
-    rate: Callable[[Floats], Floats]
-    scale: float
-    length: float
-    margin: float
+    rate: Callable[[Floats], Floats]  # g(t), seconds to (nodes, columns)
+    scale: float  # s
+    length: float  # s
+    margin: float  # by which predicted errors are to be multiplied
     _truths: dict[Any, Floats] = field(default_factory=dict)
 
     def error(self, rule: Rule, dt: float, kernel: Kernel) -> float:
@@ -359,13 +330,7 @@ def model(scale: float, length: float) -> Signal:
 
 
 def spline(samples: ArrayLike, step: float) -> tuple[Any, Floats]:
-    """(spline in seconds, samples (n+1, columns)) through given samples (n+1, ...), `step` seconds apart.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For samples that are too few or not finite.
-    """
+    """(spline in seconds, samples (n+1, columns)) through given samples (n+1, ...), `step` seconds apart; ValueError for too few of them."""
     from scipy.interpolate import make_interp_spline
 
     g = _converted("samples", samples)
@@ -384,13 +349,7 @@ def rates(slips: ArrayLike, step: float) -> Floats:
 
 
 def sampled(samples: ArrayLike, step: float) -> Signal:
-    """A spline through samples of the rate (n+1, ...), `step` seconds apart.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `spline`, and for samples that are zero or do not resolve the rate.
-    """
+    """A spline through samples of the rate (n+1, ...), `step` seconds apart; ValueError for samples that are zero or do not resolve the rate."""
     through, g = spline(samples, step)
     if not g.any():
         raise ValueError("samples must not all be zero")
@@ -524,17 +483,7 @@ def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int
 
 
 def calibrated() -> Machine:
-    """The constants of this machine: from the user's cache if they are there, else measured in a second and kept.
-
-    Returns
-    -------
-    Machine
-
-    Examples
-    --------
-    >>> calibrated() is calibrated() and calibrated().column > 0.0
-    True
-    """
+    """The constants of this machine: from the user's cache if they are there, else measured in a second and kept."""
     place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basset" / "machine.json"
     return _calibrated(place)
 

@@ -29,110 +29,38 @@ RULES: tuple[Rule, ...] = (
 
 @dataclass(frozen=True)
 class Measured:
-    """One rule with one step.
-
-    Attributes
-    ----------
-    rule : Rule
-    steps : int
-    dt : float, seconds
-    error : float, dimensionless
-        Largest error at the nodes of the coarsest grid, relative to the largest |H| there.
-    seconds : float
-        For H at every node, the scheme being ready.
-
-    Examples
-    --------
-    >>> Measured(Daitche(3), 100, 0.01, 1e-7, 2e-5).rule.error_order
-    4.0
-    """
+    """One rule with one step."""
 
     rule: Rule
     steps: int
-    dt: float
-    error: float
-    seconds: float
+    dt: float  # s
+    error: float  # largest at the nodes of the coarsest grid, relative to the largest |H| there
+    seconds: float  # for H at every node, the scheme being ready
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What is integrated.
+    """What is integrated."""
 
-    Attributes
-    ----------
-    levels : tuple of int
-        Numbers of steps, each twice the one before.
-    arguments : callable
-        steps -> the arguments g, dt, input and initial_slip of `cumulate`.
-    kernel : Kernel
-        What is remembered.
-    exact : ndarray (levels[0], ...), unit of f × s^(-1/2)
-        H at the nodes of the coarsest grid but the first.
-    doubt : float, dimensionless
-        How far `exact` may be off, relative to the largest |H|; 0 for a closed form.
-
-    Examples
-    --------
-    >>> from basset.problems import PROBLEMS
-    >>> subject = of_problem(PROBLEMS["decay"])
-    >>> subject.levels[0], subject.exact.shape, subject.doubt
-    (32, (32,), 0.0)
-    """
-
-    levels: tuple[int, ...]
-    arguments: Callable[[int], dict[str, Any]]
+    levels: tuple[int, ...]  # numbers of steps, each twice the one before
+    arguments: Callable[[int], dict[str, Any]]  # steps -> g, dt, input and initial_slip of `cumulate`
     kernel: Kernel
-    exact: Floats
-    doubt: float
+    exact: Floats  # (levels[0], ...): H at the nodes of the coarsest grid but the first
+    doubt: float  # how far `exact` may be off, relative to the largest |H|; 0 for a closed form
 
 
 def of_problem(problem: Problem) -> Subject:
-    """A named problem, on grids up to `FINEST` steps.
-
-    Parameters
-    ----------
-    problem : Problem
-
-    Returns
-    -------
-    Subject
-
-    Examples
-    --------
-    >>> from basset.problems import PROBLEMS
-    >>> of_problem(PROBLEMS["root"]).arguments(32)["input"]  # its rate is infinite at the start
-    'slip'
-    """
+    """A named problem, on grids up to `FINEST` steps; on its slip where its rate is infinite at the start."""
     levels = tuple(2**k for k in range(5, FINEST.bit_length()))
     kind = "slip" if problem.rate is None else "rate"
     return Subject(levels, lambda steps: problem.arguments(steps, kind), BassetKernel(), problem.exact(problem.grid(levels[0])[0][1:]), 0.0)
 
 
 def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0.0, kernel: Kernel = BassetKernel()) -> Subject:
-    """Given samples (n+1, ...) and every second, fourth, … of them; the truth is the highest order on all of them.
+    """Given samples (n+1, ...), rates or slips, and every second, fourth, … of them; the truth is the highest order on all of them.
 
-    Parameters
-    ----------
-    g : ndarray (n+1, ...)
-        The rate (unit of f per second) or the slip (unit of f).
-    dt : float, seconds
-    kind : {"rate", "slip"}
-        What the samples are.
-    initial_slip : float, unit of f
-    kernel : Kernel
-        What is remembered.
+    ValueError for fewer than twice `COARSEST` steps, or as `cumulate`.
 
-    Returns
-    -------
-    Subject
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than twice `COARSEST` steps, or as `cumulate`.
-
-    Examples
-    --------
     >>> of_samples(np.cos(np.linspace(0.0, 6.0, 129)), 6.0 / 128.0).levels
     (16, 32, 64, 128)
     """
@@ -157,26 +85,7 @@ def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0
 
 
 def measured(subject: Subject, rounds: int = 5) -> Iterator[list[Measured]]:
-    """All rules that have a form for the subject, level by level.
-
-    Parameters
-    ----------
-    subject : Subject
-    rounds : int
-        How often each rule is timed.
-
-    Yields
-    ------
-    list of Measured
-        One level.
-
-    Examples
-    --------
-    >>> from basset.problems import PROBLEMS
-    >>> records = next(measured(of_problem(PROBLEMS["decay"]), rounds=1))
-    >>> len(records) == len(RULES), max(records, key=lambda record: record.error).rule
-    (True, EulerMaclaurin())
-    """
+    """All rules that have a form for the subject, level by level, each timed in that many rounds."""
     for steps in subject.levels:
         arguments = subject.arguments(steps)
         errors: dict[Rule, float] = {}
@@ -192,49 +101,13 @@ def measured(subject: Subject, rounds: int = 5) -> Iterator[list[Measured]]:
 
 
 def cheapest(records: list[Measured], error: float, doubt: float = 0.0) -> Measured | None:
-    """The fastest that is good enough, errors being known to `doubt` only; None if there is none.
-
-    Parameters
-    ----------
-    records : list of Measured
-    error, doubt : float, dimensionless
-        Relative to the largest |H|.
-
-    Returns
-    -------
-    Measured or None
-
-    Examples
-    --------
-    >>> slow, fast = Measured(Daitche(3), 64, 0.1, 1e-6, 2e-3), Measured(Daitche(1), 512, 0.0125, 5e-6, 1e-3)
-    >>> cheapest([slow, fast], 1e-5) is fast, cheapest([slow, fast], 2e-6) is slow, cheapest([slow, fast], 1e-9)
-    (True, True, None)
-    """
+    """The fastest that is good enough, errors being known to `doubt` only (both relative to the largest |H|); None if there is none."""
     enough = [record for record in records if record.error + doubt <= error]
     return min(enough, key=lambda record: record.seconds, default=None)
 
 
 def drawn(records: list[Measured], doubt: float, title: str) -> Any:
-    """The work–precision diagram.
-
-    Parameters
-    ----------
-    records : list of Measured
-    doubt : float, dimensionless
-        How far the truth may be off, relative to the largest |H|.
-    title : str
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Its axes in milliseconds and dimensionless.
-
-    Examples
-    --------
-    >>> figure = drawn([Measured(Daitche(3), 64, 0.1, 1e-6, 2e-3)], 0.0, "one point")
-    >>> figure.axes[0].get_title()
-    'one point'
-    """
+    """The work–precision diagram: milliseconds, and errors relative to the largest |H|; `doubt` as in `Subject`."""
     import matplotlib as mpl
 
     mpl.use("Agg")

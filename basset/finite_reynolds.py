@@ -118,74 +118,28 @@ class VaryingSlipKernel:
 
 
 class VaryingState(NamedTuple):
-    """What a stream with varying slip remembers: float64 arrays only, newest first along the second axis.
+    """What a stream with varying slip remembers: float64 arrays only, newest first along the second axis."""
 
-    Attributes
-    ----------
-    samples, impulses : ndarray (components, lags), unit of f per second
-        Newest rates and jumps of f (over dt) at nodes.
-    memory : ndarray (components, …), in units of H
-        Exponentials, without their weights; or what earlier samples will still add (slip at τ).
-    steepness : ndarray (components,)
-        C at the newest node, in units of dt^(-3/2).
-    history : ndarray, shape of one sample, in units of H
-        H at the newest node.
-    counters : ndarray (2,), dimensionless
-        Nodes so far; slips outside the kernel's range.
-
-    Examples
-    --------
-    >>> import basset
-    >>> plan = basset.Daitche(1).plan(0.1, 1.0, VaryingSlipKernel(1e-3, 1e-6, (1e-3, 1.0)))
-    >>> plan.start((4, 3)).history.shape
-    (4, 3)
-    """
-
-    samples: Floats
-    impulses: Floats
-    memory: Floats
-    steepness: Floats
-    history: Floats
-    counters: Floats
+    samples: Floats  # (components, lags), rates at the newest nodes, unit of f per second
+    impulses: Floats  # (components, lags), jumps of f there, over dt
+    memory: Floats  # (components, …), unit of H: exponentials without their weights, or what earlier samples will still add (slip at τ)
+    steepness: Floats  # (components,), C at the newest node, in units of dt^(-3/2)
+    history: Floats  # shape of one sample: H at the newest node
+    counters: Floats  # (2,): nodes so far; slips outside the kernel's range
 
 
 class VaryingPlan:
     """What the two evaluations share: the methods of `basset.streaming.Plan`, with the slip beside every sample.
 
-    `slip` is the magnitude of the slip velocity in m/s: a number, one per grain (shape of a sample without its last axis),
-    or the shape of a sample. Jumps are at nodes; a jump of the rate (`g`) is averaged there (first order).
+    `slip` (m/s, 0 or greater) is the magnitude of the slip velocity: a number, one per grain (shape of a sample without its last axis),
+    or the shape of a sample; in `run` with the steps as first axis. Jumps are at nodes; a jump of the rate (`g`) is averaged there (first order).
+    Errors as of `Plan`: the state is then unchanged.
 
-    Parameters
-    ----------
-    rule : Rule
-        Daitche, Windowed without tail, or Exponential.
-    dt : float, seconds
-        Step size.
-    horizon : float, seconds
-        The longest time that will be remembered.
-    kernel : VaryingSlipKernel
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `Rule.plan`, or if the rule has no form for such a kernel.
-
-    Examples
-    --------
     >>> import basset
     >>> kernel = VaryingSlipKernel(1e-3, 1e-6, (1e-3, 1.0))
     >>> plan = basset.Daitche(1).plan(0.1, 1.0, kernel)
-    >>> state = plan.start()
-    >>> H = plan.run(state, [1.0, 1.0, 1.0], slip=[0.01, 0.01, 0.01])  # a steady slip: as with its own kernel
+    >>> H = plan.run(plan.start(), [1.0, 1.0, 1.0], slip=[0.01, 0.01, 0.01])  # a steady slip: as with its own kernel
     >>> bool(np.isclose(H[-1], basset.integrate(np.ones(3), 0.1, basset.Daitche(1), kernel=kernel.at(0.01))))
-    True
-    >>> ahead = plan.tail(state, slip=0.01) + plan.local(state, slip=0.01) * 1.0
-    >>> plan.push(state, 1.0, slip=0.01)
-    >>> bool(np.isclose(plan.value(state), ahead)), plan.outside(state)
-    (True, 0)
-    >>> plan.jump(state, 2.0)
-    >>> bool(np.isclose(plan.tail(state, slip=0.01) + plan.local(state, slip=0.01), 2.0 * kernel.at(0.01)(0.1) + basset.integrate(
-    ...     np.ones(5), 0.1, basset.Daitche(1), kernel=kernel.at(0.01))))
     True
     """
 
@@ -204,49 +158,14 @@ class VaryingPlan:
         raise NotImplementedError
 
     def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
-        """An empty state for samples of that shape.
-
-        Parameters
-        ----------
-        shape : tuple of int or int
-            Shape of one sample.
-
-        Returns
-        -------
-        VaryingState
-
-        Raises
-        ------
-        ValueError, TypeError
-            If the shape is not made of whole numbers of 0 or more.
-        """
+        """An empty state for samples of that shape."""
         shape = shape if isinstance(shape, tuple) else (shape,)
         n = math.prod(_validate.integer("shape", size, 0) for size in shape)
         lags, memory = self._widths
         return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros(n), np.zeros(shape), np.zeros(2))
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
-        """Accept a block of rates with the slips at the same nodes, in place; H at each.
-
-        Parameters
-        ----------
-        state : VaryingState
-            Changed in place.
-        G : array_like (steps, *shape), unit of f per second
-            Rates df/dt at the next nodes.
-        slip : array_like (steps,), (steps, *shape[:-1]) or (steps, *shape), m/s
-            0 or greater.
-
-        Returns
-        -------
-        ndarray of float64 (steps, *shape), unit of f × s^(-1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            If a shape is wrong, a value is not finite, a slip is negative, or the horizon is exceeded; the state is then
-            unchanged.
-        """
+        """Accept a block of rates (steps, *shape) with the slips at the same nodes, in place; H (steps, *shape) at each."""
         from basset.evaluate import _converted
 
         rates = _converted("G", G)
@@ -280,56 +199,17 @@ class VaryingPlan:
         return history
 
     def push(self, state: VaryingState, g: ArrayLike, slip: ArrayLike) -> None:
-        """Accept the next rate and the slip there, in place.
-
-        Parameters
-        ----------
-        state : VaryingState
-            Changed in place.
-        g : array_like, shape of one sample, unit of f per second
-        slip : array_like, number or shape as in `run` without its first axis, m/s
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `run`.
-        """
+        """Accept the next rate and the slip there, in place."""
         from basset.evaluate import _converted
 
         self.run(state, _converted("g", g)[None], _converted("slip", slip)[None])
 
     def value(self, state: VaryingState, slip: ArrayLike | None = None) -> Any:
-        """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push.
-
-        Parameters
-        ----------
-        state : VaryingState
-        slip : array_like, any shape, m/s, or None
-            Not needed.
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-        """
+        """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push."""
         return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: VaryingState, slip: ArrayLike) -> Any:
-        """H at the next node for a next rate of zero and that slip; the state is not changed.
-
-        Parameters
-        ----------
-        state : VaryingState
-        slip : array_like, number or shape as in `push`, m/s
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `run`.
-        """
+        """H at the next node for a next rate of zero and that slip; the state is not changed."""
         return self._next(state, 0.0, slip)
 
     def _next(self, state: VaryingState, rate: float, slip: ArrayLike) -> Any:
@@ -339,43 +219,11 @@ class VaryingPlan:
         return self.value(probe)
 
     def local(self, state: VaryingState, slip: ArrayLike) -> Any:
-        """The factor of the next rate in H at the next node, for that slip: H = tail + local·g, shape of one sample.
-
-        Parameters
-        ----------
-        state : VaryingState
-        slip : array_like, number or shape as in `push`, m/s
-
-        Returns
-        -------
-        float64, shape of one sample, s^(1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `run`.
-        """
+        """The factor of the next rate in H at the next node, for that slip, in s^(1/2): H = tail + local·g, shape of one sample."""
         return self._next(state, 1.0, slip) - self._next(state, 0.0, slip)
 
     def jump(self, state: VaryingState, delta: ArrayLike, age: float = 0.0, g: ArrayLike | None = None) -> None:
-        """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`.
-
-        Parameters
-        ----------
-        state : VaryingState
-            Changed in place.
-        delta : array_like, number or shape of one sample, unit of f
-            f after minus f before.
-        age : float, seconds
-            0: jumps are at nodes here.
-        g : array_like, shape of one sample, or None; unit of f per second
-            The rate after the jump.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If there is no sample yet, a shape is wrong, a number is not finite, or age is not 0: jumps are at nodes here.
-        """
+        """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`, age 0 only."""
         from basset.evaluate import _converted
 
         if _validate.non_negative("age", age, "seconds") > 0.0:
@@ -403,16 +251,7 @@ class VaryingPlan:
         state.samples[:, 0] = rate
 
     def outside(self, state: VaryingState) -> int:
-        """How many slips so far lay outside the kernel's range.
-
-        Parameters
-        ----------
-        state : VaryingState
-
-        Returns
-        -------
-        int
-        """
+        """How many slips so far lay outside the kernel's range."""
         return int(state.counters[1])
 
 
@@ -497,35 +336,21 @@ class DirectPlan(VaryingPlan):
 class Memory(NamedTuple):
     """What `_stream.follow_slip` reads, for a unit step; samples newest first.
 
-    Attributes
-    ----------
-    c1, root : float
-        Of the kernel; √dt.
-    loss, reached : ndarray (terms,)
-        1 − exp(−λ); exp(−λ·window), of a jump that leaves the window.
-    entering : ndarray (2, terms, degree+1)
-        What samples 1 … degree+1 add to the exponentials: once all start-up panels leave the window, and at every later node.
-    tail, local : SlipTable
-        Weights of the exponentials; those of the window, a row for sample j at start-up node n: (n−1)·(degree+1) + j, the last for all later nodes.
+    `entering` (2, terms, degree+1) is what samples 1 … degree+1 add to the exponentials: once all start-up panels leave the window, and at every
+    later node. `local` has a row for sample j at start-up node n, (n−1)·(degree+1) + j; the last is for all later nodes.
     """
 
-    c1: float
-    root: float
-    loss: Floats
-    reached: Floats
+    c1: float  # of the kernel
+    root: float  # √dt
+    loss: Floats  # (terms,), 1 − exp(−λ)
+    reached: Floats  # (terms,), exp(−λ·window), of a jump that leaves the window
     entering: Floats
-    tail: SlipTable
-    local: SlipTable
+    tail: SlipTable  # weights of the exponentials
+    local: SlipTable  # weights of the window
 
 
 class SumPlan(VaryingPlan):
-    """A sum of exponentials whose weights follow the slip, beyond a window with the kernel of the slip at t.
-
-    Attributes
-    ----------
-    tail_sum : ExponentialSum
-        For the Basset kernel.
-    """
+    """A sum of exponentials (`tail_sum`, for the Basset kernel) whose weights follow the slip, beyond a window with the kernel of the slip at t."""
 
     def __init__(self, rule: Exponential, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
         super().__init__(rule, dt, horizon, kernel)
@@ -611,13 +436,7 @@ def _slip_table(base: FullRule, bend: float, c1: float) -> WeightTable:
 
 
 def plan(rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> VaryingPlan:
-    """The stream of a rule for a slip that varies.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the rule has no such form.
-    """
+    """The stream of a rule for a slip that varies; ValueError if the rule has no such form."""
     if isinstance(rule, Exponential):
         return SumPlan(rule, dt, horizon, kernel)
     if isinstance(rule, Daitche) or (isinstance(rule, Windowed) and rule.tail is None and isinstance(rule.rule, Daitche)):

@@ -27,24 +27,11 @@ Name = TypeVar("Name", bound=Hashable)
 
 
 def interleaved(contenders: Mapping[Name, Callable[[], Any]], rounds: int = 7, seconds: float = 0.02, patience: float = 1.0) -> dict[Name, float]:
-    """Seconds per call of each contender: the minimum over rounds that visit all of them in turn.
+    """Seconds per call of each contender (NaN for one that raises): the minimum over rounds that visit all of them in turn.
 
-    Parameters
-    ----------
-    contenders : mapping of name (anything hashable) to callable without arguments
-    rounds : int
-        How often each is visited.
-    seconds : float
-        Time spent on a contender per visit: short calls are repeated and averaged.
-    patience : float, seconds
-        A contender whose warm-up takes longer than this is not called again: that one time is its result.
+    On each visit short calls are repeated for `seconds` and averaged. A contender whose warm-up takes longer than `patience` (s) is not called
+    again: that one time is its result.
 
-    Returns
-    -------
-    dict of name to seconds per call; NaN for a contender that raises
-
-    Examples
-    --------
     >>> times = interleaved({"quick": lambda: None, "broken": lambda: 1 / 0}, rounds=1, seconds=1e-4)
     >>> times["quick"] > 0.0, times["broken"]
     (True, nan)
@@ -80,39 +67,12 @@ def _timed(call: Callable[[], Any], count: int) -> float:
 
 
 def observed_orders(steps: ArrayLike, errors: ArrayLike) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Slopes d ln(error)/d ln(step) between neighbouring entries; one fewer than entries.
-
-    Parameters
-    ----------
-    steps : array_like (k,)
-        Step sizes, in one unit.
-    errors : array_like (k,)
-        Errors, in one unit.
-
-    Returns
-    -------
-    ndarray (k−1,), dimensionless
-
-    Examples
-    --------
-    >>> observed_orders([0.1, 0.05], [1e-2, 2.5e-3]).round(12)
-    array([2.])
-    """
+    """Slopes d ln(error)/d ln(step) between neighbouring entries (k,): (k−1,)."""
     return np.asarray(np.diff(np.log(np.asarray(errors, dtype=np.float64))) / np.diff(np.log(np.asarray(steps, dtype=np.float64))))
 
 
 def processor() -> str:
-    """The CPU's model name and the number of cores available.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> processor().endswith("cores")
-    True
-    """
+    """The CPU's model name and the number of cores available."""
     model = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
@@ -125,25 +85,7 @@ def processor() -> str:
 
 
 def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmath")) -> dict[str, str]:
-    """Who measured: command, date, processor, Python and package versions.
-
-    Parameters
-    ----------
-    command : str
-        What was run.
-    packages : iterable of str
-        Whose versions are to be named.
-
-    Returns
-    -------
-    dict
-        command, date (UTC, YYYY-MM-DD), processor, versions.
-
-    Examples
-    --------
-    >>> sorted(provenance("python -m bench"))
-    ['command', 'date', 'processor', 'versions']
-    """
+    """Who measured: command, date (UTC, YYYY-MM-DD), processor, and versions of Python, basset and `packages`."""
     found = {"python": platform.python_version(), "basset": __version__}
     for package in packages:
         try:
@@ -155,24 +97,7 @@ def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmat
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write atomically: a temporary file beside it, then a rename. What is not finite becomes null, as JSON has no NaN.
-
-    Parameters
-    ----------
-    path : Path
-        The file; its folder is made.
-    content : mapping
-        What JSON can hold; NumPy numbers and arrays too.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_json(Path(folder) / "new" / "a.json", {"time": np.float64("nan")})
-    ...     print((Path(folder) / "new" / "a.json").read_text().split())
-    ['{', '"time":', 'null', '}']
-    """
+    """Write atomically, making the folder: a temporary file beside it, then a rename. NumPy numbers and arrays too; what is not finite becomes null."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write(path, json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 

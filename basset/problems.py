@@ -15,44 +15,26 @@ from basset.kernels import Floats
 
 @dataclass(frozen=True)
 class Problem:
-    """A slip f(t) from t = 0 on, its rate, and its exact history integral.
+    """A slip f(t) (dimensionless) from t = 0 on, its rate, and its exact history integral.
 
-    Attributes
-    ----------
-    name, description : str
-    tags : frozenset of str
-        smooth (rate analytic on [0, end]), oscillating, polynomial, growth, decay, jump (f(0) ≠ 0), root (f ~ √t at the
-        start), long, high_frequency, thesis.
-    end : float, seconds
-        The time of the last node.
-    slip : callable
-        f(t), s (k,) to array (k,), dimensionless.
-    rate : callable or None
-        g(t) = df/dt, s (k,) to array (k,), 1/s; None where it is not finite at t = 0.
-    exact : callable
-        H(t) in float64, s^(-1/2), s (k,) to array (k,); t > 0.
-    exact_digits : callable
-        (t, digits) -> mpmath number.
+    Tags: smooth (rate analytic on [0, end]), oscillating, polynomial, growth, decay, jump (f(0) ≠ 0), root (f ~ √t at the start), long,
+    high_frequency, thesis.
 
-    Examples
-    --------
     >>> import basset
-    >>> from basset.problems import PROBLEMS
     >>> problem = PROBLEMS["decay"]
-    >>> t, dt = problem.grid(1000)
     >>> H = basset.integrate(**problem.arguments(1000), rule="exponential")
-    >>> bool(abs(H / problem.exact(t[-1:])[0] - 1.0) < 1e-5)
+    >>> bool(abs(H / problem.exact(problem.end) - 1.0) < 1e-5)
     True
     """
 
     name: str
     description: str
     tags: frozenset[str]
-    end: float
-    slip: Callable[[Floats], Floats]
-    rate: Callable[[Floats], Floats] | None
-    exact: Callable[[Floats], Floats]
-    exact_digits: Callable[[Any, int], Any]
+    end: float  # s, the time of the last node
+    slip: Callable[[Floats], Floats]  # f(t), s (k,) to (k,)
+    rate: Callable[[Floats], Floats] | None  # df/dt, s (k,) to 1/s (k,); None where it is not finite at t = 0
+    exact: Callable[[Floats], Floats]  # H(t) in float64, s (k,), t > 0, to s^(-1/2) (k,)
+    exact_digits: Callable[[Any, int], Any]  # (t, digits) -> mpmath number
 
     @property
     def initial_slip(self) -> float:
@@ -60,37 +42,13 @@ class Problem:
         return float(self.slip(np.zeros(1))[0])
 
     def grid(self, n: int) -> tuple[Floats, float]:
-        """n+1 nodes on [0, end] and their distance.
-
-        Parameters
-        ----------
-        n : int
-            Number of steps.
-
-        Returns
-        -------
-        ndarray (n+1,), seconds; float, seconds
-        """
+        """n+1 nodes on [0, end] and their distance, both in seconds."""
         return np.linspace(0.0, self.end, n + 1), self.end / n
 
     def arguments(self, n: int, input: str = "rate") -> dict[str, Any]:
-        """The arguments g, dt, initial_slip, input for `basset.integrate` and `basset.cumulate` with n steps.
+        """The arguments g, dt, initial_slip, input for `basset.integrate` and `basset.cumulate` with n steps; `input` "rate" or "slip".
 
-        Parameters
-        ----------
-        n : int
-            Number of steps.
-        input : {"rate", "slip"}
-            What the samples are to be.
-
-        Returns
-        -------
-        dict
-
-        Raises
-        ------
-        ValueError
-            If rates are asked for and the rate is not finite at t = 0.
+        ValueError if rates are asked for and the rate is not finite at t = 0.
         """
         t, dt = self.grid(n)
         if input == "slip":
@@ -192,19 +150,5 @@ PROBLEMS: dict[str, Problem] = {problem.name: problem for problem in _ALL}
 
 
 def tagged(*tags: str) -> list[Problem]:
-    """The problems that carry every one of `tags`.
-
-    Parameters
-    ----------
-    *tags : str
-
-    Returns
-    -------
-    list of Problem
-
-    Examples
-    --------
-    >>> [problem.name for problem in tagged("thesis")]
-    ['fresnel']
-    """
+    """The problems that carry every one of `tags`."""
     return [problem for problem in PROBLEMS.values() if problem.tags.issuperset(tags)]

@@ -1,8 +1,11 @@
 """The truth: closed forms of the history integral in double precision, and the same in mpmath to any number of digits.
 
-Every function takes `digits=None`: then t may be an array (seconds) and the result is float64; with `digits` t is one
+Every function takes `digits=None`: then t may be an array (...) in seconds and the result is float64 of its shape; with `digits` t is one
 number and the result an mpmath number correct to that many digits, from a formula of its own where double precision
 needs a special one. `product_weights` gives exact weights of product integration. All for K(s) = s^(-1/2) unless said.
+
+H has the unit of f × s^(-1/2). In the equations of motion λ = `rate` in 1/s, c = `coefficient` in s^(-1/2) and ω = `omega` in 1/s; λ and c are 0 or
+greater. Their solutions follow from `response` by superposition or by Laplace transforms (this library), where no paper is named.
 """
 
 from __future__ import annotations
@@ -24,32 +27,11 @@ from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
 
 
 def exponential(t: ArrayLike, rate: complex, digits: int | None = None) -> Any:
-    """H(t) for f' = exp(rate·τ), f(0) = 0: √(π/a) e^(at) erf(√(at)) with a = `rate`, complex allowed. Real for a real rate.
+    """H(t) for f' = e^(aτ), f(0) = 0: √(π/a) e^(at) erf(√(at)), a = `rate` in 1/s, complex allowed; real for a real rate.
 
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        0 or greater; one number where `digits` is given.
-    rate : float or complex, 1/s
-        a.
-    digits : int or None
-        Correct digits of an mpmath result; None: float64.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2), f' being dimensionless.
-
-    References
-    ----------
     Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1.
 
-    Examples
-    --------
-    >>> from basset import reference
-    >>> round(float(reference.exponential(1.0, 0.0)), 12)  # f' = 1: 2√t
-    2.0
-    >>> abs(float(reference.exponential(2.0, -1.0)) - float(reference.exponential(2.0, -1.0, digits=20))) < 1e-15
+    >>> abs(float(exponential(2.0, -1.0)) - float(exponential(2.0, -1.0, digits=20))) < 1e-15
     True
     """
     if digits is not None:
@@ -82,33 +64,11 @@ def exponential(t: ArrayLike, rate: complex, digits: int | None = None) -> Any:
 
 
 def cosine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for f' = cos(ωτ), f(0) = 0: √(2π/ω) [cos ωt C(z) + sin ωt S(z)], z = √(2ωt/π).
+    """H(t) for f' = cos ωτ, f(0) = 0: √(2π/ω) [cos ωt C(z) + sin ωt S(z)], z = √(2ωt/π), ω > 0 in 1/s (thesis, section 5.2.2.2).
 
-    With ω = 1 and t = 50π the thesis's test integral, 1.253060201346663…
+    With ω = 1 and t = 50π the thesis's test integral:
 
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    omega : float, 1/s
-        ω, greater than 0.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2).
-
-    References
-    ----------
-    Thesis section 5.2.2.2.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from basset import reference
-    >>> abs(float(reference.cosine(50.0 * np.pi)) - 1.25306020134666) < 1e-13
+    >>> abs(float(cosine(50.0 * np.pi)) - 1.25306020134666) < 1e-13
     True
     """
     if digits is not None:
@@ -121,33 +81,7 @@ def cosine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
 
 
 def sine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for f' = sin(ωτ), f(0) = 0: √(2π/ω) [sin ωt C(z) − cos ωt S(z)], z = √(2ωt/π).
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    omega : float, 1/s
-        ω, greater than 0.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2).
-
-    References
-    ----------
-    As `cosine`, thesis section 5.2.2.2, a quarter of a period on.
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> t = 1e-6  # f' ≈ τ: H ≈ (4/3) t^(3/2)
-    >>> abs(float(reference.sine(t)) / (4.0 / 3.0 * t**1.5) - 1.0) < 1e-9
-    True
-    """
+    """H(t) for f' = sin ωτ, f(0) = 0: √(2π/ω) [sin ωt C(z) − cos ωt S(z)], z = √(2ωt/π): `cosine` a quarter of a period on."""
     if digits is not None:
         with mpmath.workdps(digits + 10):
             time, w = mpmath.mpmathify(t), mpmath.mpmathify(omega)
@@ -158,32 +92,7 @@ def sine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
 
 
 def power(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
-    """H(t) for f' = τ^k, k > −1, f(0) = 0: B(1/2, k+1) t^(k+1/2).
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    exponent : float, dimensionless
-        k, greater than −1.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2).
-
-    References
-    ----------
-    Euler's beta integral, put into the definition of H (this library).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> round(float(reference.power(4.0, 0.0)), 12)  # f' = 1: 2√t
-    4.0
-    """
+    """H(t) for f' = τ^k, k = `exponent` > −1, f(0) = 0: B(1/2, k+1) t^(k+1/2), Euler's beta integral."""
     if digits is not None:
         with mpmath.workdps(digits + 10):
             k = mpmath.mpmathify(exponent)
@@ -192,63 +101,13 @@ def power(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
 
 
 def power_slip(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
-    """H(t) for the slip f = τ^k, k > 0: k B(1/2, k) t^(k−1/2); π/2 at all times for f = √τ.
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    exponent : float, dimensionless
-        k, greater than 0.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2).
-
-    References
-    ----------
-    Euler's beta integral, put into the definition of H (this library).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from basset import reference
-    >>> np.allclose(reference.power_slip(np.array([0.1, 7.0]), 0.5), np.pi / 2.0, rtol=1e-15)
-    True
-    """
+    """H(t) for the slip f = τ^k, k = `exponent` > 0: k B(1/2, k) t^(k−1/2); π/2 at all times for f = √τ."""
     scale = exponent if digits is None else mpmath.mpmathify(exponent)
     return scale * power(t, exponent - 1.0, digits)
 
 
 def step(t: ArrayLike, jump: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for a slip that jumps at t = 0 and stays: jump·t^(-1/2); infinite at t = 0.
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    jump : float, unit of f
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        H, unit of f × s^(-1/2).
-
-    References
-    ----------
-    The kernel itself: Basset (1888), A Treatise on Hydrodynamics, vol. 2.
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> float(reference.step(4.0, jump=3.0))
-    1.5
-    """
+    """H(t) for a slip that jumps by `jump` (unit of f) at t = 0 and stays: jump·t^(-1/2), the kernel itself; infinite at t = 0."""
     if digits is not None:
         with mpmath.workdps(digits + 10):
             return mpmath.mpmathify(jump) / mpmath.sqrt(mpmath.mpmathify(t))
@@ -298,40 +157,15 @@ def _lagrange(degree: int, first: int, i: int) -> tuple[list[int], int]:
 
 
 def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40) -> list[Any]:
-    """Exact weights w[j] of product integration of that degree for a unit step, for j in `indices` (newest first).
+    """Exact weights w[j] of product integration of that degree for a unit step, for j in `indices` (0 to n, newest first): mpmath numbers.
 
-    The definition, in mpmath: on panel [k, k+1] the polynomial through the samples from lag k − ⌊p/2⌋ on, shifted
-    inwards at both ends, integrated against K (for slips: its derivative in time, and the first sample as a jump).
-    Enough working digits are added to survive the cancellation.
-
-    Parameters
-    ----------
-    n : int
-        Number of steps, 1 or more.
-    indices : iterable of int
-        Which j, 0 (the newest) to n.
-    degree : int
-        p, 0 or greater; lowered to n for shorter histories.
-    kernel : Kernel
-        What is remembered, its time scale in steps.
-    input : {"rate", "slip"}
-        What the samples are.
-    digits : int
-        Correct digits.
-
-    Returns
-    -------
-    list of mpmath numbers, one per index
-        Dimensionless: times √dt (for slips 1/√dt) they are the weights for a step of dt.
-
-    References
-    ----------
+    The definition: on panel [k, k+1] the polynomial of degree p through the samples from lag k − ⌊p/2⌋ on, shifted inwards at both ends,
+    integrated against K (for `input` "slip": its derivative in time, and the first sample as a jump). Histories of n < p steps use degree n.
+    For a step dt the weights are these times √dt (for slips 1/√dt), with the kernel's time scale in steps. Enough working digits are added to
+    survive the cancellation.
     Daitche (2013), J. Comput. Phys. 254, 93; thesis eqs. 5-9 to 5-11.
 
-    Examples
-    --------
-    >>> from basset import reference
-    >>> [round(float(w), 12) for w in reference.product_weights(1, [0, 1], 1)]  # ∫ s^(-1/2) (1 − s) ds and ∫ s^(1/2) ds
+    >>> [round(float(w), 12) for w in product_weights(1, [0, 1], 1)]  # ∫ s^(-1/2) (1 − s) ds and ∫ s^(1/2) ds
     [1.333333333333, 0.666666666667]
     """
     degree = min(degree, n)
@@ -357,43 +191,9 @@ def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel 
 def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, digits: int | None = None) -> Any:
     """R(t): what a unit slip at t = 0 has become under y' = −λy − c·H[y]; Laplace transform 1/(s + c√π √s + λ).
 
-    R falls from 1, at last as c/(2λ²) t^(-3/2). With r the roots of r² + c√π r + λ, R = (r1 E1 − r2 E2)/(r1 − r2),
-    E = e^(r²t) erfc(−r√t); equal roots, λ = 0, c = 0, the smallest and the largest times included, to 1e-14 of max R (of the
-    value, for the integrals).
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    integrals : {0, 1, 2}
-        1 and 2 for ∫R and ∫∫R.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number
-        R dimensionless, ∫R in s, ∫∫R in s².
-
-    Raises
-    ------
-    ValueError
-        If `integrals` is another number.
-
-    References
-    ----------
-    Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from basset import reference
-    >>> bool(abs(float(reference.response(2.0, 0.5, 0.0)) - np.exp(-1.0)) < 1e-15)  # no memory: e^(−λt)
-    True
+    `integrals` 1 and 2 give ∫R (s) and ∫∫R (s²). R falls from 1, at last as c/(2λ²) t^(-3/2). With r the roots of r² + c√π r + λ,
+    R = (r1 E1 − r2 E2)/(r1 − r2), E = e^(r²t) erfc(−r√t); equal roots, λ = 0, c = 0, the smallest and the largest times included, to 1e-14 of
+    max R (of the value, for the integrals). Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1.
     """
     if integrals not in (0, 1, 2):
         raise ValueError(f"integrals: {integrals!r} given; 0, 1 or 2 is possible")
@@ -403,180 +203,42 @@ def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, 
 
 
 def relaxing(t: ArrayLike, rate: float, coefficient: float, initial: float = 1.0, digits: int | None = None) -> Any:
-    """y(t) of y' = −λy − c·H[y], y(0) = `initial`, a slip that the history remembers as its first jump: initial·R.
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    initial : float, unit of y
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number, unit of y
-
-    References
-    ----------
-    `response` (this library).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> float(reference.relaxing(0.0, 1.0, 0.6, initial=2.0))
-    2.0
-    """
+    """y(t) of y' = −λy − c·H[y], y(0) = `initial`, a slip that the history remembers as its first jump: initial·R."""
     return (initial if digits is None else mpmath.mpmathify(initial)) * response(t, rate, coefficient, 0, digits)
 
 
 def settling(t: ArrayLike, rate: float, coefficient: float, gravity: float = 1.0, digits: int | None = None) -> Any:
-    """Velocity y(t), upward positive, of y' = −g − λy − c·H[y] from rest: −g ∫R; tends to −g/λ.
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    gravity : float, m/s²
-        g, reduced.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number, m/s
-
-    References
-    ----------
-    `response`, by superposition (this library).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from basset import reference
-    >>> bool(abs(float(reference.settling(1.0, 2.0, 0.0, gravity=3.0)) + 1.5 * (1.0 - np.exp(-2.0))) < 1e-14)  # no memory
-    True
-    """
+    """Velocity y(t) in m/s, upward positive, of y' = −g − λy − c·H[y] from rest, g = `gravity` (reduced) in m/s²: −g ∫R; tends to −g/λ."""
     return -(gravity if digits is None else mpmath.mpmathify(gravity)) * response(t, rate, coefficient, 1, digits)
 
 
 def settling_height(t: ArrayLike, rate: float, coefficient: float, gravity: float = 1.0, digits: int | None = None) -> Any:
-    """Height above the start of the same sphere: −g ∫∫R.
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    gravity : float, m/s²
-        g, reduced.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number, m
-
-    References
-    ----------
-    `response`, by superposition (this library).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> bool(abs(float(reference.settling_height(2.0, 0.0, 0.0, gravity=3.0)) + 6.0) < 1e-14)  # free fall: −g t²/2
-    True
-    """
+    """Height in m above the start of the sphere of `settling`: −g ∫∫R."""
     return -(gravity if digits is None else mpmath.mpmathify(gravity)) * response(t, rate, coefficient, 2, digits)
 
 
 @dataclass(frozen=True)
 class Bounces:
-    """A bouncing sphere: impact times, jumps of the velocity there, and the exact motion up to `end`, the impact after the last.
+    """A bouncing sphere: impact times, jumps of the velocity there, and the exact motion up to `end`, by superposition of `response`.
 
     With `digits` times and jumps are mpmath numbers and height(t), velocity(t) take one time.
-
-    Attributes
-    ----------
-    rate, coefficient, gravity : float
-        λ in 1/s, c in s^(-1/2), g in m/s².
-    start : float, m
-        Height at t = 0.
-    times, jumps : ndarray (impacts,)
-        Times (s) of the impacts and jumps of the velocity there (m/s).
-    end : float, s
-        Time of the impact after the last; the motion holds up to it.
-    digits : int or None
-        Of the mpmath numbers; None: float64.
-
-    References
-    ----------
-    `response`, by superposition (this library).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> b = reference.bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=1)  # a ball in the void
-    >>> b.times.round(12), b.jumps.round(12), round(float(b.end), 12)
-    (array([1.]), array([3.]), 2.0)
-    >>> abs(float(b.height(1.5)) - 0.25) < 1e-12, abs(float(b.velocity(1.5))) < 1e-12
-    (True, True)
     """
 
-    rate: float
-    coefficient: float
-    gravity: float
-    start: float
-    times: Any
-    jumps: Any
-    end: Any
-    digits: int | None = None
+    rate: float  # λ, 1/s
+    coefficient: float  # c, s^(-1/2)
+    gravity: float  # g, m/s²
+    start: float  # height at t = 0, m
+    times: Any  # of the impacts (impacts,), s
+    jumps: Any  # of the velocity there (impacts,), m/s
+    end: Any  # the impact after the last, s
+    digits: int | None = None  # of the mpmath numbers; None: float64
 
     def velocity(self, t: Any) -> Any:
-        """y(t) = −g∫R + Σ Δ_j R(t − t_j); at an impact the velocity after it.
-
-        Parameters
-        ----------
-        t : array_like (...), s
-            0 to `end`; one number where there are `digits`.
-
-        Returns
-        -------
-        float64 (...) or mpmath number, m/s
-
-        References
-        ----------
-        `response`, by superposition (this library).
-        """
+        """y(t) = −g∫R + Σ Δ_j R(t − t_j) in m/s, t (...) from 0 to `end`; at an impact the velocity after it."""
         return self._superpose(t, 1)
 
     def height(self, t: Any) -> Any:
-        """z(t) = z(0) − g∫∫R + Σ Δ_j ∫R(t − t_j); 0 at every impact.
-
-        Parameters
-        ----------
-        t : array_like (...), s
-            0 to `end`; one number where there are `digits`.
-
-        Returns
-        -------
-        float64 (...) or mpmath number, m
-
-        References
-        ----------
-        `response`, by superposition (this library).
-        """
+        """z(t) = z(0) − g∫∫R + Σ Δ_j ∫R(t − t_j) in m, t (...) from 0 to `end`; 0 at every impact."""
         return self._superpose(t, 2)
 
     def _superpose(self, t: Any, integrals: int) -> Any:
@@ -600,47 +262,13 @@ class Bounces:
 def bouncing(
     rate: float, coefficient: float, gravity: float = 1.0, height: float = 1.0, restitution: float = 0.8, impacts: int = 10, digits: int | None = None
 ) -> Bounces:
-    """A sphere dropped from rest at `height` on a plane at 0: y' = −g − λy − c·H[y], z' = y, y⁺ = −e y⁻ at each impact.
+    """A sphere dropped from rest at `height` (m) on a plane at 0: y' = −g − λy − c·H[y], z' = y, y⁺ = −e y⁻ at each impact, e = `restitution`.
 
-    Every jump Δ_j = −(1+e) y⁻ is remembered. Exact through `impacts` impacts; fewer come back (and `end` is the last)
-    once a rebound is slower than 1e-13 of the fastest impact, which double precision cannot tell from rest.
-    With `digits` the times are polished by Newton's method in mpmath (a few impacts: the cost grows quadratically).
+    Every jump Δ_j = −(1+e) y⁻ is remembered. Exact through `impacts` impacts; fewer come back (and `end` is the last) once a rebound is
+    slower than 1e-13 of the fastest impact, which double precision cannot tell from rest. With `digits` the times are polished by Newton's
+    method in mpmath (a few impacts: the cost grows quadratically).
 
-    Parameters
-    ----------
-    rate : float, 1/s
-        λ, 0 or greater.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    gravity : float, m/s²
-        g, greater than 0.
-    height : float, m
-        Greater than 0.
-    restitution : float, dimensionless
-        e, 0 to 1.
-    impacts : int
-        0 or more.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    Bounces
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
-    References
-    ----------
-    `response`, by superposition (this library).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> b = reference.bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=2)
-    >>> b.times.round(12)  # a ball in the void: 1, then half as long each way
+    >>> bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=2).times.round(12)  # a ball in the void: 1, then half as long each way
     array([1., 2.])
     """
     if not (rate >= 0.0 and gravity > 0.0 and height > 0.0 and 0.0 <= restitution <= 1.0 and impacts >= 0):
@@ -713,41 +341,10 @@ def _polished(plain: Bounces, restitution: float, digits: int) -> Bounces:
 def oscillating_stream(
     t: ArrayLike, rate: float, coefficient: float, amplitude: float = 1.0, omega: float = 1.0, initial_slip: float = 0.0, digits: int | None = None
 ) -> Any:
-    """Slip y(t) of y' = A cos ωt − λy − c·H[y], y(0) = `initial_slip` remembered: initial·R + A ∫R(t−τ) cos ωτ dτ.
+    """Slip y(t) in m/s of y' = A cos ωt − λy − c·H[y], y(0) = `initial_slip` remembered: initial·R + A ∫R(t−τ) cos ωτ dτ, A = `amplitude` in m/s².
 
-    The whole transient. A stream u = u0 sin ωt past a free sphere gives A = (β−1) ω u0, β = 3/(2ρ_s/ρ + 1). At last
+    The whole transient, by the forcing's Laplace transform. A stream u = u0 sin ωt past a free sphere gives A = (β−1) ω u0, β = 3/(2ρ_s/ρ + 1). At last
     y = Re A e^(iωt)/(iω + c√π √(iω) + λ).
-
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    amplitude : float, m/s²
-        A.
-    omega : float, 1/s
-        ω.
-    initial_slip : float, m/s
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    ndarray (...) or mpmath number, m/s
-
-    References
-    ----------
-    `response`, convolved with the forcing by its Laplace transform (this library).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from basset import reference
-    >>> bool(abs(float(reference.oscillating_stream(3.0, 0.0, 0.0)) - np.sin(3.0)) < 1e-13)  # nothing but the forcing
-    True
     """
     if digits is not None:
 
@@ -769,19 +366,7 @@ def oscillating_stream(
 
 
 class VortexMotion(NamedTuple):
-    """Particle position x + iy and slip (velocity less the fluid's at the particle), complex.
-
-    Attributes
-    ----------
-    position : complex (...), m
-    slip : complex (...), m/s
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> reference.VortexMotion(1.0 + 2.0j, 0.0j).position
-    (1+2j)
-    """
+    """Particle position x + iy (m) and slip (velocity less the fluid's at the particle, m/s), complex, each (...)."""
 
     position: Any
     slip: Any
@@ -797,49 +382,17 @@ def solid_body_vortex(
     initial_slip: complex = 0.0,
     digits: int | None = None,
 ) -> VortexMotion:
-    """A particle in the fluid velocity u = iωz, z = x + iy: Maxey–Riley without gravity and Faxén terms, by its transform.
+    """A particle in the fluid velocity u = iωz, z = x + iy: Maxey–Riley without gravity and Faxén terms, by its transform; ValueError if λ = c = β = 0.
 
     v' = β Du/Dt − λw − c·H[w] with w = v − u and Du/Dt = −ω²z; as v' = w' + iω(w + iωz),
 
-        z' = w + iωz,   w' = −(λ + iω) w + (1 − β) ω² z − c·H[w],   w(0) = `initial_slip` remembered.
+        z' = w + iωz,   w' = −(λ + iω) w + (1 − β) ω² z − c·H[w],   z(0) = `position`,   w(0) = `initial_slip` remembered.
 
-    λ = `rate`, c = `coefficient`, β = 3/(2ρ_s/ρ + 1) (heavy particles β < 1 spiral out). In the numbers of Prasath,
-    Vasan & Govindarajan (2019), R = 1/β and S: λ = 1/(RS), c = √(3/(πS))/R. Source: Candelier, Angilella & Souhar (2004).
-    The four poles are the roots in √s of (s − iω)(s + c√π √s + λ + iω) − (1 − β)ω².
+    β = 3/(2ρ_s/ρ + 1), 0 or greater (heavy particles β < 1 spiral out). In the numbers of Prasath, Vasan & Govindarajan (2019), R = 1/β and S:
+    λ = 1/(RS), c = √(3/(πS))/R. Source: Candelier, Angilella & Souhar (2004). The four poles are the roots in √s of
+    (s − iω)(s + c√π √s + λ + iω) − (1 − β)ω².
 
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    rate : float, 1/s
-        λ, 0 or greater.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    beta : float, dimensionless
-        β, 0 or greater.
-    omega : float, 1/s
-        ω.
-    position : complex, m
-        z(0).
-    initial_slip : complex, m/s
-        w(0).
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    VortexMotion
-        Position (m) and slip (m/s) in the shape of t.
-
-    Raises
-    ------
-    ValueError
-        If rate, coefficient or beta is negative, or all are 0.
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> motion = reference.solid_body_vortex(1.0, 1.0, 0.5, beta=1.0)  # as heavy as the fluid: it goes round with it
+    >>> motion = solid_body_vortex(1.0, 1.0, 0.5, beta=1.0)  # as heavy as the fluid: it goes round with it
     >>> bool(abs(abs(motion.position) - 1.0) < 1e-12), bool(abs(motion.slip) < 1e-12)
     (True, True)
     """
@@ -868,21 +421,7 @@ def solid_body_vortex(
 
 
 class Oscillator(NamedTuple):
-    """Position and velocity.
-
-    Attributes
-    ----------
-    position : float (...)
-        y, in the unit of the initial position.
-    velocity : float (...)
-        y', in that unit per second.
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> reference.Oscillator(1.0, 0.0).position
-    1.0
-    """
+    """Position y (...) and velocity y' (...), in the unit of the initial position and that per second."""
 
     position: Any
     velocity: Any
@@ -901,42 +440,12 @@ def bagley_torvik(
 ) -> Oscillator:
     """y(t), y'(t) of A y'' + B D^(3/2) y + C y = F + Gt, D^(3/2) Caputo's derivative (Bagley & Torvik 1984).
 
-    As an equation with memory: y' = v, v' = (F + Gt − Cy)/A − c·H[v] with c = B/(A√π), memory=[1] and initial_slip=[0]:
-    Caputo's derivative forgets the initial velocity's own jump. A = `inertia`, B = `damping`, C = `stiffness`,
-    F = `force`, G = `ramp`. With F = C y(0), G = C y'(0) the solution is the line y(0) + y'(0) t: the classical
-    A = B = C = 1, y = 1 + t. Else the poles are the roots in √s of A s² + B s^(3/2) + C.
+    A > 0, B ≥ 0, C ≥ 0 are `inertia` (dimensionless), `damping` (s^(-1/2)), `stiffness` (s^(-2)); F = `force`, G = `ramp`, which needs C > 0.
+    As an equation with memory: y' = v, v' = (F + Gt − Cy)/A − c·H[v] with c = B/(A√π), memory=[1] and initial_slip=[0]: Caputo's derivative forgets the
+    initial velocity's own jump. With F = C y(0), G = C y'(0) the solution is the line y(0) + y'(0) t: the classical A = B = C = 1, y = 1 + t. Else the
+    poles are the roots in √s of A s² + B s^(3/2) + C.
 
-    Parameters
-    ----------
-    t : array_like (...) or number, seconds
-        As in `exponential`.
-    inertia, damping, stiffness : float
-        A > 0, B ≥ 0, C ≥ 0: with A dimensionless, B in s^(-1/2) and C in s^(-2).
-    force, ramp : float
-        F and G: with A dimensionless, unit of y × s^(-2) and s^(-3).
-    position, velocity : float
-        y(0), y'(0), unit of y and that per second.
-    digits : int or None
-        As in `exponential`.
-
-    Returns
-    -------
-    Oscillator
-        Position and velocity, units of `position` and `velocity`, in the shape of t.
-
-    Raises
-    ------
-    ValueError
-        If a coefficient is out of range, or the force grows without stiffness.
-
-    References
-    ----------
-    Bagley & Torvik (1984).
-
-    Examples
-    --------
-    >>> from basset import reference
-    >>> line = reference.bagley_torvik(3.0, force=1.0, ramp=1.0, position=1.0, velocity=1.0)  # y = 1 + t
+    >>> line = bagley_torvik(3.0, force=1.0, ramp=1.0, position=1.0, velocity=1.0)
     >>> abs(float(line.position) - 4.0) < 1e-12, abs(float(line.velocity) - 1.0) < 1e-12
     (True, True)
     """

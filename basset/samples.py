@@ -47,36 +47,15 @@ class Times(NamedTuple):
 
 
 def read(path: Path, dt: float | None = None, variable: str | None = None) -> tuple[Floats, float]:
-    r"""Samples (n+1, columns) and their step (seconds).
+    r"""Samples (n+1, columns) in the file's unit and their step (s), of a .csv, .npy (n+1, …) or .nc (netCDF-3) file; of .nc the `variable`, or the only one.
 
-    Parameters
-    ----------
-    path : Path
-        .csv with or without a line of names; separated by commas, semicolons, tabs, bars or spaces, the last four also with
-        decimal commas; lines that begin with # are comments. .npy (n+1, …). .nc (netCDF-3).
-    dt : float, seconds, or None
-        The step; None: from the times. In .csv these are the column named t or time, if need be with a unit as in "time (ms)"
-        or "t_ms"; without names, and in .npy, the first column, in seconds. In .nc the coordinate with the attribute
-        axis "T" or standard_name "time", units "… since …", the name t or time, or units of time, in its unit (without one:
-        seconds); its dimension may stand anywhere.
-        What is known as times is no sample, nor is the index that pandas writes.
-    variable : str or None
-        Which variable of .nc; None: the only one.
+    .csv has a line of names or none and is separated by commas, semicolons, tabs, bars or spaces, the last four also with decimal commas; lines that begin
+    with # are comments. Without `dt` the step comes from the times. In .csv these are the column named t or time, if need be with a unit as in
+    "time (ms)" or "t_ms"; without names, and in .npy, the first column, in seconds. In .nc the coordinate with the attribute axis "T" or standard_name
+    "time", units "… since …", the name t or time, or units of time, in its unit (without one: seconds); its dimension may stand anywhere. What is known
+    as times is no sample, nor is the index that pandas writes. Times that are not uniform or whose unit is not known, missing samples and whatever else
+    is no such file are refused in one sentence (ValueError, TypeError).
 
-    Returns
-    -------
-    ndarray of float64 (n+1, columns), in the file's unit; float, seconds
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    ValueError, TypeError
-        In one sentence, if it holds no such samples, some are missing, it is not known which are the times or what their unit
-        is, they are not uniform, or dt is no positive number.
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "rates.csv"

@@ -41,21 +41,11 @@ _FARTHEST = 1e100  # of C^(2/3)·horizon, beyond which K(s; C) has vanished besi
 
 
 class SpectralTable(NamedTuple):
-    """Ratios as polynomials on a uniform grid in ln λ, for `ratio_at`.
+    """Ratios as polynomials on a uniform grid in ln λ, for `ratio_at`."""
 
-    Attributes
-    ----------
-    low : float
-        ln λ at the lower end of the grid.
-    inverse_step : float
-        Cells per unit of ln λ.
-    values : ndarray (rows, cells, 8), read-only
-        Coefficients of each cell, lowest first, in u from −1 to 1.
-    """
-
-    low: float
-    inverse_step: float
-    values: Floats
+    low: float  # ln λ at the lower end of the grid
+    inverse_step: float  # cells per unit of ln λ
+    values: Floats  # (rows, cells, 8), read-only: coefficients of each cell, lowest first, in u from −1 to 1
 
 
 class Following(NamedTuple):
@@ -88,22 +78,13 @@ class SlipTable(NamedTuple):
     """All that compiled code needs for the weights of a sum at any C > 0; infinity stands for −ln C at C = 0.
 
     The weight of term q is weights[q]·ratio_at(low, inverse_step, values, min(q, rows − 1), log_rates[q] − (2/3) ln C).
-
-    Attributes
-    ----------
-    weights : ndarray (terms,), s^(-1/2), read-only
-        Of the Basset sum.
-    log_rates : ndarray (terms,), of 1/s, read-only
-        −ln horizon for the slow terms, which share their C; ln λ for the others.
-    low, inverse_step, values
-        As in `SpectralTable`: a row for each slow term, the slowest first, then that of ρ for all others.
     """
 
-    weights: Floats
-    log_rates: Floats
-    low: float
+    weights: Floats  # of the Basset sum (terms,), s^(-1/2), read-only
+    log_rates: Floats  # (terms,), read-only: −ln horizon for the slow terms, which share their C; ln λ (1/s) for the others
+    low: float  # as in `SpectralTable`
     inverse_step: float
-    values: Floats
+    values: Floats  # a row for each slow term, the slowest first, then that of ρ for all others
 
 
 def _checked_c1(c1: Any) -> float:
@@ -124,30 +105,11 @@ def _contour() -> tuple[Any, Any]:
 
 
 def spectral_ratio(rate: ArrayLike, c1: float = 2.0) -> Floats:
-    """ρ(λ) = μ(λ)/μ_B(λ), elementwise: the inverse Laplace transform of k on a contour that stays in proportion to λ.
+    """ρ(λ) = μ(λ)/μ_B(λ), elementwise, λ ≥ 0 (infinity included) in units of C^(2/3): the inverse Laplace transform of k.
 
-    No cancellation at either end, so the error is relative throughout.
+    On a contour that stays in proportion to λ: no cancellation at either end, so the error is relative throughout, below 1e-13 for c1 from 1.5
+    to 10 (3e-14 for 2, Mei & Adrian, and 2.5, Dorgan & Loth).
 
-    Parameters
-    ----------
-    rate : array_like (...), dimensionless
-        λ, 0 or greater (infinity included), in units of C^(2/3).
-    c1 : float, dimensionless
-        2 (Mei & Adrian), 2.5 (Dorgan & Loth), or any from 1.5 to 10.
-
-    Returns
-    -------
-    ndarray of float64 in the shape of `rate`, dimensionless; relative error below 1e-13 (3e-14 for c1 = 2 and 2.5).
-
-    Raises
-    ------
-    ValueError
-        If c1 is out of range, or a rate negative or NaN.
-    TypeError
-        If a parameter holds no real numbers.
-
-    Examples
-    --------
     >>> spectral_ratio([0.0, 1e-4, 1.0, np.inf]).round(8)
     array([0.0000000e+00, 1.7700000e-06, 5.8032344e-01, 1.0000000e+00])
     """
@@ -198,51 +160,23 @@ def _checked(basset_sum: Any, horizon: Any) -> float | None:
 
 
 def slip_weights(basset_sum: ExponentialSum, steepness: float, c1: float = 2.0, horizon: float | None = None) -> Floats:
-    """Weights with which the rates of a Basset sum stand for K(s; C), at one C.
+    """Weights (terms,), s^(-1/2), with which the rates of a Basset sum stand for K(s; C), at one C = `steepness`, s^(-3/2); C = 0: its own weights.
+
+    `horizon` is the longest lag that matters, at most the sum's far, which is best ten times it: ExponentialSum.fit(near, 10·horizon, rtol).
+    The terms with rate·horizon < 5 get the weights that match K(s; C) up to there; some may be slightly negative (above −0.04/√horizon for
+    far = 10 horizon). None: every weight is a_q ρ(λ_q C^(-2/3)).
 
     Errors of a sum with rtol ε, largest over all C ≥ 0 and lags from near to the horizon, for c1 = 2 and 2.5 and horizon/near
     from 1e2 to 3e10. Of the Basset kernel at the same lag:
 
     * horizon = far/10: 2.7 ε (ε from 1e-3 to 1e-12).
     * horizon = far/3: 5 ε down to ε = 1e-4, 1.4e-4 for ε = 1e-6; horizon = far: 1.1e-2.
-    * no horizon, a_q ρ(λ_q C^(-2/3)): 0.28 at far, where C^(2/3) far is about 0.05, and falling as √s towards short lags;
-      2 ε from C^(2/3) far = 1000 on. With far ten times the longest lag 0.09.
+    * no horizon: 0.28 at far, where C^(2/3) far is about 0.05, and falling as √s towards short lags; 2 ε from C^(2/3) far = 1000 on.
+      With far ten times the longest lag 0.09.
 
     Of K(s; C) itself, for horizon = far/10: 25 ε (ε = 1e-3), 100 ε (1e-6), 250 ε (1e-12), for a sum of exponentials follows its
     s^(-2) tail less closely than s^(-1/2). Within 30 near of lags where K(s; C) is below a thousandth of the Basset kernel, which
     a sum for that one need not resolve, up to six times as much.
-
-    Parameters
-    ----------
-    basset_sum : ExponentialSum
-        For the Basset kernel, such as ExponentialSum.fit(near, 10·horizon, rtol).
-    steepness : float, s^(-3/2)
-        C, 0 or greater; 0 gives the sum's own weights.
-    c1 : float, dimensionless
-        As in `spectral_ratio`.
-    horizon : float, seconds, or None
-        The longest lag that matters, at most the sum's far. The terms with rate·horizon < 5 get the weights that match
-        K(s; C) up to there; some may be slightly negative (above −0.04/√horizon for far = 10 horizon). None: every weight is a_q ρ.
-
-    Returns
-    -------
-    ndarray (terms,), s^(-1/2), in the order of the sum's rates.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is out of range, or the sum is not for the Basset kernel.
-
-    References
-    ----------
-    Mei & Adrian (1992), J. Fluid Mech. 237, 323 (the kernel); the weights: this library.
-
-    Examples
-    --------
-    >>> basset_sum, kernel = ExponentialSum.fit(1e-3, 10.0, 1e-6), lambda s: s**-0.5 * (1.0 + (2.0 * s**1.5) ** 0.5) ** -2
-    >>> weights = slip_weights(basset_sum, 2.0, horizon=1.0)
-    >>> bool(abs(weights @ np.exp(-basset_sum.rates * 0.3) - kernel(0.3)) < 2e-6 * 0.3**-0.5)
-    True
     """
     c1, horizon = _checked_c1(c1), _checked(basset_sum, horizon)
     steepness = _validate.non_negative("steepness", steepness, "s^(-3/2)")

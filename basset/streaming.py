@@ -41,36 +41,20 @@ LONG_WINDOW = 256  # from here on a whole path is convolved by FFT
 class State(NamedTuple):
     """What a stream remembers: float64 arrays only. Pickle it, copy it, save it with numpy.savez(**state._asdict()).
 
-    Attributes
-    ----------
-    samples : ndarray (components, S), unit of f per second
-        The newest samples of the running stretch, as a ring (written twice, so that it always reads contiguously).
-    terms : ndarray (components, T)
-        The exponentials, each in units of H.
-    future : ndarray (components, R), in units of H
-        What finished stretches and recent jumps add at the coming nodes, as a ring.
-    history : ndarray, shape of one sample, in units of H
-        H at the newest node.
-    counters : ndarray (3,), dimensionless
-        Samples in the running stretch, nodes so far, coming nodes with an entry in `future`.
-
-    Examples
-    --------
     >>> import pickle
     >>> import basset
     >>> plan = basset.Exponential().plan(dt=0.1, horizon=10.0)
     >>> state = plan.start()
     >>> _ = plan.run(state, np.ones(50))
-    >>> copy = State(*pickle.loads(pickle.dumps(state)))
-    >>> plan.tail(copy) == plan.tail(state)
+    >>> plan.tail(State(*pickle.loads(pickle.dumps(state)))) == plan.tail(state)
     True
     """
 
-    samples: Array
-    terms: Array
-    future: Array
-    history: Array
-    counters: Array
+    samples: Array  # (components, S), unit of f per second: the newest of the running stretch, a ring written twice, so that it reads contiguously
+    terms: Array  # (components, T), unit of H: the exponentials
+    future: Array  # (components, R), unit of H: what finished stretches and recent jumps add at the coming nodes, a ring
+    history: Array  # shape of one sample: H at the newest node
+    counters: Array  # (3,): samples in the running stretch, nodes so far, coming nodes with an entry in `future`
 
 
 class Plan:

@@ -49,24 +49,10 @@ class Piece:
 
 
 class Path:
-    """The solution as a function of time; at a jump its value is the one after it.
+    """The solution as a function of time, from `t_min` to `t_max` (s); at a jump its value is the one after it.
 
-    Call it with a time or an array of times in the solved span: states (states,) or (states, times).
+    `pieces` are one per step, in the order of time, `final` is the state at the end.
 
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        One per step, in the order of time.
-    final : ndarray (states,), units of the states
-        The state at the end.
-
-    Attributes
-    ----------
-    t_min, t_max : float, seconds
-        The solved span.
-
-    Examples
-    --------
     >>> import basset
     >>> r = basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=0.0, dense_output=True)
     >>> r.sol(np.array([0.0, 1.0])).round(4)
@@ -80,22 +66,7 @@ class Path:
         self.t_max = pieces[-1].end if pieces else math.nan
 
     def __call__(self, t: ArrayLike) -> Floats:
-        """States at given times.
-
-        Parameters
-        ----------
-        t : array_like (...), seconds
-            Within the solved span.
-
-        Returns
-        -------
-        ndarray (states, ...), units of the states
-
-        Raises
-        ------
-        ValueError
-            Outside the solved span.
-        """
+        """States (states, ...) at times (...) in s; ValueError outside the solved span."""
         times = _converted("t", t)
         flat = times.ravel()
         slack = rounding(self.t_min, self.t_max)
@@ -126,43 +97,17 @@ def outside(times: Floats, start: float, end: float) -> tuple[str, str, str]:
 
 @dataclass
 class Solution:
-    """What `basset.solve` returns; the fields follow scipy.integrate.solve_ivp.
+    """What `basset.solve` returns; the fields follow scipy.integrate.solve_ivp."""
 
-    Attributes
-    ----------
-    t : ndarray (n_times,)
-        Times, s. Without `t_eval` every step's end; the time of a jump appears twice, before and after.
-    y : ndarray (n_states, n_times), units of the states
-    sol : Path or None
-        The solution as a function of time, with `dense_output=True`.
-    t_events, y_events : list of ndarray
-        Times (k,), s, and states before any jump (k, n_states), of each event.
-    nfev, nsteps : int
-        Evaluations of `fun`; accepted steps.
-    status : int
-        0 end reached, 1 terminal event, 2 at rest, −1 failure.
-    message : str
-        The status in words.
-    success : bool
-        Whether status ≥ 0.
-
-    Examples
-    --------
-    >>> import basset
-    >>> r = basset.solve(lambda t, y: [-1.0], (0.0, 2.0), [1.0], coefficient=0.0, t_eval=[0.5, 1.5])
-    >>> r.success, r.t, r.y.round(12)
-    (True, array([0.5, 1.5]), array([[ 0.5, -0.5]]))
-    """
-
-    t: Floats
-    y: Floats
-    sol: Path | None
-    t_events: list[Floats]
-    y_events: list[Floats]
-    nfev: int
-    nsteps: int
-    status: int
-    message: str
+    t: Floats  # (n_times,), s; without `t_eval` every step's end, the time of a jump twice, before and after
+    y: Floats  # (n_states, n_times)
+    sol: Path | None  # the solution as a function of time, with `dense_output=True`
+    t_events: list[Floats]  # of each event, times (k,), s
+    y_events: list[Floats]  # and states before any jump (k, n_states)
+    nfev: int  # evaluations of `fun`
+    nsteps: int  # accepted steps
+    status: int  # 0 end reached, 1 terminal event, 2 at rest, −1 failure
+    message: str  # the status in words
 
     @property
     def success(self) -> bool:
@@ -306,18 +251,7 @@ class Trace:
 
 
 class Method(abc.ABC):
-    """A way to integrate an equation with memory; subclasses are frozen dataclasses of parameters.
-
-    References
-    ----------
-    Each subclass names its own, in its docstring and as `references`.
-
-    Examples
-    --------
-    >>> import basset
-    >>> all(isinstance(method, Method) for method in (basset.Collocation(), basset.FixedStep(0.1), basset.RungeKutta4(0.1)))
-    True
-    """
+    """A way to integrate an equation with memory; subclasses are frozen dataclasses of parameters, with the source in their docstring and as `references`."""
 
     references: ClassVar[tuple[str, ...]]
     _follows_slip: ClassVar[bool] = False  # whether it takes a VaryingSlipKernel

@@ -64,35 +64,11 @@ def held_factor(product: Any) -> Floats:
 
 
 def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool = False) -> float:
-    """The longest stable fixed step for y' = −rate·y − coefficient·H[y].
+    """The longest stable fixed step (s) for y' = −λy − c·H[y], λ = `rate` in 1/s, c = `coefficient` in s^(-1/2); infinite where every step is.
 
-    Parameters
-    ----------
-    rule : Rule or str
-        The scheme of the history.
-    rate : float, 1/s
-        λ, 0 or greater: of what relaxes fastest.
-    coefficient : float, s^(-1/2)
-        c, 0 or greater.
-    held : bool
-        Whether the history is held over the step, as `RungeKutta4` does; else implicit, as `FixedStep`.
+    The history is `held` over the step, as `RungeKutta4` does, or implicit, as in `FixedStep`. Hairer, Nørsett & Wanner (1993), Solving Ordinary
+    Differential Equations I, section III.1; with memory: this library.
 
-    Returns
-    -------
-    float, seconds
-        Infinite where every step is stable.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is out of range.
-
-    References
-    ----------
-    Hairer, Nørsett & Wanner (1993), Solving Ordinary Differential Equations I, section III.1; with memory: this library.
-
-    Examples
-    --------
     >>> import basset
     >>> longest_step(basset.Daitche(1), 1e6, 10.0)
     inf
