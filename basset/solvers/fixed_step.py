@@ -1,4 +1,4 @@
-"""Fixed steps with any rule: the history split into tail + local·(newest sample), implicit in the newest sample."""
+"""Fixed steps with any rule: the history split into tail + local·(newest sample), implicit in the newest sample (this library)."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 For y' = −λy − c·H[y] a step is a recurrence with the characteristic function (1 − ζ)(1 + c√dt W(ζ)) + λ dt A(ζ), W and A the generating
 functions of the rule's weights for a unit step and of the Adams–Moulton weights; the first root that enters the unit disk as dt
 grows does so at ζ = −1, for every rule here. Steps with the history held have (1 − Rζ)(1 + c√dt W) − (1 − R)ζ c√dt W, R the
-polynomial of Runge and Kutta, and a second bound R(λ dt) = 1.
+polynomial of Runge and Kutta, and a second bound R(λ dt) = 1. This library.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ Whatever steps with memory is made of these: `basset.solve`, and the flights of 
 (`basset._compile.entry`): `fun`; how the stages are solved, by Newton's full matrix or by a diagonal Jacobian, which handles stiff
 drag at a fraction of the price; and what happens on a step, events or impacts, which cut it. The march comes back to its caller
 when a table for a new step size is missing, when its record is full, when it cannot go on, and at the end.
+
+Collocation at Radau points: Hairer and Wanner (1996), Solving Ordinary Differential Equations II, IV.5; in √t after a jump: this library.
 """
 
 from __future__ import annotations
