@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
-from basset.evaluate import _converted
-from basset.finite_reynolds import VaryingSlipKernel
-from basset.kernels import BassetKernel, Floats, Kernel
+from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
 
 BESIDE = 4.0  # units in the last place between a break and where `fun` is asked: the user's own arithmetic may be off by some
 
@@ -93,10 +91,10 @@ class Path:
 
         Raises
         ------
-        ValueError
-            Outside the solved span.
+        ValueError, TypeError
+            Outside the solved span, or for what holds no numbers.
         """
-        times = _converted("t", t)
+        times = _validate.real_array("t", t)
         flat = times.ravel()
         slack = rounding(self.t_min, self.t_max)
         if flat.size and not (flat.min() >= self.t_min - slack and flat.max() <= self.t_max + slack):
@@ -464,7 +462,7 @@ def _columns(y0: ArrayLike, initial_slip: ArrayLike | None, coefficient: ArrayLi
     """What may have a column per system, checked as a whole; a single column, as _task looks at, stands for all."""
     found: list[Any] = []
     for name, value in (("y0", y0), ("initial_slip", initial_slip), ("coefficient", coefficient)):
-        array = None if value is None else _converted(name, value).astype(np.float64)
+        array = None if value is None else _validate.real_array(name, value).astype(np.float64)
         found.append(array)
         if array is None or array.ndim < 2:
             continue
@@ -521,7 +519,7 @@ def _task(
     start, end = _validate.number("t_span[0]", start), _validate.number("t_span[1]", end)
     if end <= start:
         raise ValueError("t_span must rise, got ({}, {})".format(*_validate.apart(start, end)))
-    state = np.atleast_1d(_converted("y0", y0)).astype(np.float64)
+    state = np.atleast_1d(_validate.real_array("y0", y0)).astype(np.float64)
     if state.ndim != 1 or not len(state):
         raise ValueError(f"y0 must be one-dimensional with at least one state, or have a column per system, got shape {np.shape(y0)}")
     if not np.isfinite(state).all():
@@ -533,14 +531,14 @@ def _task(
     indices = [_validate.integer("memory", index, 0, len(state) - 1) for index in memory]
     if len(set(indices)) != len(indices):
         raise ValueError(f"memory must name each component once, got {indices}")
-    strength = np.asarray(_converted("coefficient", coefficient))
+    strength = np.asarray(_validate.real_array("coefficient", coefficient))
     if strength.ndim and strength.shape != (len(indices),):
         raise ValueError(f"coefficient must be a number or have one entry per component in memory ({len(indices)}), got shape {strength.shape}")
     if not (np.isfinite(strength).all() and (strength >= 0.0).all()):
         raise ValueError(f"coefficient must be finite and 0 or greater (s^(-1/2)), got {_validate.shown(coefficient)}")
     if not isinstance(kernel, (Kernel, VaryingSlipKernel)):
         raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
-    slip = state[indices] if initial_slip is None else np.atleast_1d(_converted("initial_slip", initial_slip))
+    slip = state[indices] if initial_slip is None else np.atleast_1d(_validate.real_array("initial_slip", initial_slip))
     if slip.shape != (len(indices),) and slip.size == 1:
         slip = np.repeat(slip, len(indices))
     if slip.shape != (len(indices),) or not np.isfinite(slip).all():
@@ -579,7 +577,7 @@ def _task(
 
 def _broken(breaks: ArrayLike) -> Floats:
     """The breaks, checked, each once and rising."""
-    times = np.atleast_1d(_converted("breaks", breaks))
+    times = np.atleast_1d(_validate.real_array("breaks", breaks))
     if times.ndim != 1 or not np.isfinite(times).all():
         raise ValueError(f"breaks must be a list of finite times in seconds, got {_validate.shown(breaks)}")
     return np.unique(times)
@@ -612,7 +610,7 @@ def _parameter(index: int, given: Any) -> Any:
 def _wanted(t_eval: ArrayLike | None, task: Task) -> Floats | None:
     if t_eval is None:
         return None
-    times = _converted("t_eval", t_eval)
+    times = _validate.real_array("t_eval", t_eval)
     rising = times.ndim == 1 and bool(np.isfinite(times).all()) and not (np.diff(times) < 0.0).any()
     if not rising:
         raise ValueError(f"t_eval must be rising times within t_span ({task.start:g}, {task.end:g}), got {_validate.shown(t_eval)}")
