@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from basset.advice import Advice, Candidate, advise
     from basset.evaluate import cumulate, integrate
     from basset.exponentials import ExponentialSum
-    from basset.finite_reynolds import VaryingSlipKernel
-    from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
+    from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel, VaryingSlipKernel
     from basset.quadrature import (
         SCHEMES,
         Brush,
@@ -33,8 +32,7 @@ else:
         **dict.fromkeys(("Advice", "Candidate", "advise"), "advice"),
         **dict.fromkeys(("cumulate", "integrate"), "evaluate"),
         "ExponentialSum": "exponentials",
-        "VaryingSlipKernel": "finite_reynolds",
-        **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel"), "kernels"),
+        **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel", "VaryingSlipKernel"), "kernels"),
         **dict.fromkeys(("SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "Rule"), "quadrature"),
         **dict.fromkeys(("SemiDerivative", "UnknownSchemeError", "Windowed"), "quadrature"),
         **dict.fromkeys(("Collocation", "FixedStep", "RungeKutta4", "solve"), "solvers"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from basset._compile import compiled
 from basset.exponentials import ExponentialSum
-from basset.finite_reynolds import VaryingSlipKernel
+from basset.kernels import VaryingSlipKernel
 from basset.quadrature import Daitche, Exponential, Windowed
 from basset.solvers import Collocation, FixedStep, solve
 from basset.streaming import LONG_WINDOW

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def shown(value: Any, limit: int = 60) -> str:
@@ -112,3 +113,29 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """The nearest of `known` as a question to end a sentence with, or an empty string."""
     near = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.4)
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def real_array(name: str, value: Any) -> NDArray[np.float64]:
+    """`value` as a float64 array; what does not hold real numbers, or misses some, is refused."""
+    try:
+        array = np.asarray(whole(name, value))
+        if array.dtype == object and not any(isinstance(entry, (str, bytes, bool, np.bool_)) or entry is None for entry in array.flat):
+            array = whole(name, array).astype(np.float64)
+    except MissingError:
+        raise
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} must be an array of real numbers with equal rows, got {shown(value)}") from None
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} must be an array of real numbers, got {shown(value)} (dtype {array.dtype})")
+    return array.astype(np.float64)
+
+
+def not_finite(samples: NDArray[np.floating[Any]], offset: int, name: str = "g") -> ValueError:
+    """Why the result for these samples is not finite."""
+    flat = samples.reshape(len(samples), -1)
+    rows = np.flatnonzero(~np.isfinite(flat).all(axis=1))
+    if not len(rows):
+        return ValueError(f"{name} must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")
+    first = flat[rows[0]][~np.isfinite(flat[rows[0]])][0]
+    hint = f": {FILL}" if np.isnan(first) else ""
+    return ValueError(f"{name} must be finite, got {first} in sample {rows[0] + offset} (and {len(rows) - 1} other samples){hint}")

@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import __version__, _validate, measure
-from basset.evaluate import _converted, _diagnose, cumulate
+from basset.evaluate import cumulate
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
 from basset.solvers.stability import longest_step
 from basset.streaming import LONGEST
+from basset.weights import Recipe
 
 __all__ = ["Advice", "Candidate", "Machine", "advise", "calibrated"]
 
@@ -333,11 +334,11 @@ def spline(samples: ArrayLike, step: float) -> tuple[Any, Floats]:
     """(spline in seconds, samples (n+1, columns)) through given samples (n+1, ...), `step` seconds apart; ValueError for too few of them."""
     from scipy.interpolate import make_interp_spline
 
-    g = _converted("samples", samples)
+    g = _validate.real_array("samples", samples)
     if g.ndim == 0 or len(g) < 2 * SPLINE + 2:
         raise ValueError(f"samples must be at least {2 * SPLINE + 2} along their first axis, got {len(g) if g.ndim else 1}")
     if not np.isfinite(g).all():
-        _diagnose(g, 0, "samples")
+        raise _validate.not_finite(g, 0, "samples")
     g = g.reshape(len(g), -1)
     return make_interp_spline(_validate.positive("sample_step", step, "seconds") * np.arange(len(g)), g, k=SPLINE), g
 
@@ -412,17 +413,17 @@ class Job:
         steps = self.steps(dt)
         try:
             rule = family(dt)
-            window, tail = remembered(rule, dt, steps, self.kernel)
-            if window is None and (isinstance(rule, Windowed) or (self.use == "stream" and steps > LONGEST)):
-                return None  # no window, or no room
+            recipe = rule.recipe(dt, steps * dt, self.kernel)
+            if recipe.used(steps) == steps and (recipe.tail is not None or (self.use == "stream" and steps > LONGEST)):
+                return None  # another name for the whole history, or no room
             if self.use == "stream" and dt > longest_step(rule, self.relaxation, self.coefficient):
                 return None  # diverges
-            wrong = self.signal.error(rule._remembered, dt, self.kernel)
+            wrong = self.signal.error(rule.whole, dt, self.kernel)
         except ValueError:  # no form for the kernel, no sum that reaches so far
             return None
-        if tail is not None:
+        if (tail := recipe.tail) is not None:
             wrong += tail.rtol or tail.max_relative_error(tail.near, max(steps * dt, tail.near))
-        seconds, nbytes = expense(rule, steps, window, len(tail or ()), self.columns, self.use, self.machine)
+        seconds, nbytes = expense(recipe, steps, self.columns, self.use, self.machine)
         wrong *= self.signal.margin
         return Candidate(rule, dt, steps, wrong, seconds, nbytes, wrong <= self.error and nbytes <= self.memory)
 
@@ -450,14 +451,6 @@ def _windowed(order: int, rtol: float, job: Job, dt: float) -> Rule:
     return Windowed(Daitche(order), near, ExponentialSum.fit(near, max(job.length, near) + 2.0 * dt, rtol, job.kernel))
 
 
-def remembered(rule: Rule, dt: float, steps: int, kernel: Kernel) -> tuple[int | None, ExponentialSum | None]:
-    """(steps of the window or None for the whole history, the sum beyond it) as a stream has them."""
-    window = rule._window_steps(dt)
-    if window is None or window >= steps:
-        return None, None
-    return window, rule._tail(dt, steps * dt, kernel)
-
-
 # Times and bytes
 
 SHORT = 512  # steps of a path whose call is measured; it fits into a fast cache beside any number of others
@@ -465,19 +458,19 @@ VECTOR = 4  # samples that are read at once
 CACHED = 2**17  # samples whose transforms fit into a fast cache
 
 
-def expense(rule: Rule, steps: int, window: int | None, terms: int, columns: int, use: str, machine: Machine) -> tuple[float, int]:
+def expense(recipe: Recipe, steps: int, columns: int, use: str, machine: Machine) -> tuple[float, int]:
     """(seconds, bytes) for a whole path."""
-    if use == "path" and not rule._has_tail:
+    if use == "path" and recipe.tail is None:
         beyond = min(1.0, max(0.0, 0.5 * math.log2(steps * columns / CACHED))) * min(1.0, max(0.0, math.log2(steps / SHORT) / 3.0))
         each = machine.transform * math.log2(steps + 1) + machine.spill * beyond
         return machine.path + each * steps * columns, 48 * steps * columns
-    degree = int(rule.error_order) - 1
+    terms, window = len(recipe.tail or ()), recipe.window
     each = machine.column + machine.term * terms
     if window is None:
         each, slots = each + machine.whole + machine.node * 0.5 * steps, 2 * (steps + 1)
     else:
-        nodes = window + 1 + (degree + 1) // 2
-        each += machine.whole * min(1.0, max(degree + 1, nodes - 2) / steps)  # until the window is full
+        nodes = recipe.lags + 1
+        each += machine.whole * min(1.0, max(recipe.degree + 1, nodes - 2) / steps)  # until the window is full
         each, slots = each + machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0), 2 * nodes + window + 1
     return machine.call + steps * (machine.step + columns * each), 8 * columns * (slots + terms + 1)
 

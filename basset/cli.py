@@ -101,7 +101,7 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
     """Rank the schemes by predicted error, time and bytes, and say which one to take."""
     kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "slip", "diameter", "viscosity")})
-    from basset.quadrature.base import INPUTS
+    from basset.weights.table import INPUTS
 
     _validate.choice("input", kind, INPUTS)
     if file is not None:
@@ -151,7 +151,7 @@ def compare(
 
     The truth of samples is the highest order on all of them; how far two high orders differ says how well it is known.
     """
-    from basset.quadrature.base import INPUTS
+    from basset.weights.table import INPUTS
 
     _validate.choice("input", kind, INPUTS)
     if output is not None:

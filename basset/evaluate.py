@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
-from basset.quadrature.base import TABLES, Rule, filtered_by, resolve, step_factor, table
-from basset.quadrature.cache import ByteCache
-
-if TYPE_CHECKING:
-    from basset.streaming import Plan
+from basset.quadrature import Rule, resolve
+from basset.quadrature.rule import accept
+from basset.streaming import Plan
+from basset.weights.table import TABLES, ByteCache, Recipe, filtered_by, step_factor, table
 
 _BASSET = BassetKernel()
 PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
@@ -69,11 +69,11 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     if n < 1:
         raise ValueError(f"g must hold at least two samples (one step) along its first axis, got {len(samples)}")
     jump = _initial_slip(initial_slip, samples, input)
-    if rule._has_tail:
-        return _streamed(samples, dt, rule, kernel, jump)[-1]
-    steps = rule._window_steps(dt)
-    used = n if steps is None else min(n, steps)
-    weights = table(rule._remembered, kernel.scaled(dt), input)
+    recipe = _recipe(rule, dt, n, kernel)
+    if recipe.tail is not None:
+        return _streamed(samples, dt, recipe, kernel, jump)[-1]
+    used = recipe.used(n)
+    weights = table(recipe.stencil, kernel.scaled(dt), input)
     oldest, body = weights.row(used)
     split = n - used + len(oldest)
     factor = step_factor(dt, input)
@@ -92,7 +92,7 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
         weights.grown = False
         TABLES.trim()
     if not np.isfinite(result).all():
-        _diagnose(samples[n - used :], n - used)
+        raise _validate.not_finite(samples[n - used :], n - used)
     return result
 
 
@@ -143,17 +143,15 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
         raise ValueError("g must hold at least one sample along its first axis, got 0")
     n = len(samples) - 1
     jump = _initial_slip(initial_slip, samples, input)
-    if rule._has_tail:
-        return _with_start(_streamed(samples, dt, rule, kernel, jump), jump)
-    steps = rule._window_steps(dt)
-    columns = samples.reshape(n + 1, -1)
-    weights = table(rule._remembered, kernel.scaled(dt), input)
+    recipe = _recipe(rule, dt, max(1, n), kernel)
+    if recipe.tail is not None:
+        return _with_start(_streamed(samples, dt, recipe, kernel, jump), jump)
+    used, columns = recipe.used(n), samples.reshape(n + 1, -1)
+    weights = table(recipe.stencil, kernel.scaled(dt), input)
     with np.errstate(all="ignore"):
-        if steps is None or n <= steps:
-            used = n
+        if used == n:
             result = weights.trajectory(columns)
         else:
-            used = steps
             result = np.empty_like(columns)
             result[: used + 1] = weights.trajectory(columns[: used + 1])
             row = np.concatenate(weights.row(used))
@@ -166,7 +164,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
             result[1 : used + 1] += kernel._values(lags)[:, None] * jump.ravel()
     TABLES.trim()
     if not np.isfinite(result).all():
-        _diagnose(samples, 0)
+        raise _validate.not_finite(samples, 0)
     return _with_start(result, samples[0] if input == "slip" else jump).reshape(samples.shape)
 
 
@@ -178,12 +176,17 @@ def _with_start(history: Floats, slip: Floats | None) -> Floats:
     return history
 
 
-def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floats | None) -> Floats:
+@lru_cache(maxsize=128)
+def _recipe(rule: Rule, dt: float, steps: int, kernel: Kernel) -> Recipe:
+    return rule.recipe(dt, steps * dt, kernel)
+
+
+def _streamed(samples: Floats, dt: float, recipe: Recipe, kernel: Kernel, jump: Floats | None) -> Floats:
     """H at every node by streaming: for rules whose far memory is a sum of exponentials."""
     if not np.isfinite(samples).all():
-        _diagnose(samples, 0)
-    key = (rule, dt, max(1, len(samples) - 1), kernel)
-    plan = PLANS.get(key, lambda: rule.plan(dt, key[2] * dt, kernel))
+        raise _validate.not_finite(samples, 0)
+    steps = max(1, len(samples) - 1)
+    plan = PLANS.get((recipe, dt, steps, kernel), lambda: Plan(recipe.within(steps), dt, steps, kernel))
     PLANS.trim()
     columns = samples.reshape(len(samples), -1)
     with np.errstate(all="ignore"):
@@ -192,39 +195,24 @@ def _streamed(samples: Floats, dt: float, rule: Rule, kernel: Kernel, jump: Floa
             history[1:] += plan.kernel_used(len(samples) - 1)[:, None] * jump.ravel()
     history = history.reshape(samples.shape)
     if not np.isfinite(history).all():
-        _diagnose(samples, 0)
+        raise _validate.not_finite(samples, 0)
     return history
 
 
 def _checked(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
-    samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _converted("g", g)
+    samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _validate.real_array("g", g)
     if samples.ndim == 0:
         raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
     rule = resolve(rule)
-    rule._accept(kernel, input)
+    accept(rule, kernel, input)
     return samples, _validate.positive("dt", dt, "seconds"), rule
-
-
-def _converted(name: str, value: Any) -> Floats:
-    """`value` as a float64 array; what does not hold real numbers, or misses some, is refused."""
-    try:
-        array = np.asarray(_validate.whole(name, value))
-        if array.dtype == object and not any(isinstance(entry, (str, bytes, bool, np.bool_)) or entry is None for entry in array.flat):
-            array = _validate.whole(name, array).astype(np.float64)
-    except _validate.MissingError:
-        raise
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be an array of real numbers with equal rows, got {_validate.shown(value)}") from None
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} must be an array of real numbers, got {_validate.shown(value)} (dtype {array.dtype})")
-    return array.astype(np.float64)
 
 
 def _initial_slip(value: ArrayLike, samples: Floats, input: str) -> Floats | None:
     """The initial slip in the shape of one sample; None for none."""
     if type(value) is float and value == 0.0:
         return None
-    slip = _converted("initial_slip", value)
+    slip = _validate.real_array("initial_slip", value)
     if not np.isfinite(slip).all():
         raise ValueError(f"initial_slip must be finite, got {_validate.shown(value)}")
     if slip.ndim and slip.shape != samples.shape[1:]:
@@ -234,14 +222,3 @@ def _initial_slip(value: ArrayLike, samples: Floats, input: str) -> Floats | Non
     if input == "slip":
         raise ValueError(f"initial_slip must be left at 0 with input='slip', where the first sample is the initial slip; got {_validate.shown(value)}")
     return np.broadcast_to(slip, samples.shape[1:])
-
-
-def _diagnose(samples: Floats, offset: int, name: str = "g") -> None:
-    """Say why the result is not finite; only called when it is not."""
-    rows = np.flatnonzero(~np.isfinite(samples.reshape(len(samples), -1)).all(axis=1))
-    if len(rows):
-        bad = samples.reshape(len(samples), -1)[rows[0]]
-        first = bad[~np.isfinite(bad)][0]
-        hint = f": {_validate.FILL}" if np.isnan(first) else ""
-        raise ValueError(f"{name} must be finite, got {first} in sample {rows[0] + offset} (and {len(rows) - 1} other samples){hint}")
-    raise ValueError(f"{name} must be small enough for its integral to fit into double precision, got samples up to {np.abs(samples).max():.3g}")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
 
-__all__ = ["BassetKernel", "Kernel", "MeiAdrianKernel"]
+__all__ = ["BassetKernel", "Kernel", "MeiAdrianKernel", "VaryingSlipKernel"]
 
 Floats = NDArray[np.floating[Any]]
 
@@ -362,3 +362,86 @@ class MeiAdrianKernel(Kernel):
         s = low + width * x
         weights = width * w * self._values(s)
         return (((low - near) + width * x) / (far - near)).ravel(), weights.ravel()
+
+
+@dataclass(frozen=True)
+class VaryingSlipKernel:
+    """The Mei–Adrian family with a slip that varies in time; pass it to `rule.plan` and `slip=` to the plan's methods.
+
+    Parameters
+    ----------
+    diameter : float, m
+    viscosity : float, m²/s
+    slip_range : (float, float), m/s
+        The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is taken at the
+        nearer end and counted (`plan.outside`).
+    slip_at : {"t", "tau"}
+        Whether the kernel is that of the slip now or of the slip when the rate acted. Exponential takes "t" only.
+    c1, c2 : float, dimensionless
+        As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is out of range.
+
+    References
+    ----------
+    Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833.
+
+    Examples
+    --------
+    >>> kernel = VaryingSlipKernel(diameter=1e-3, viscosity=1e-6, slip_range=(1e-3, 1.0))
+    >>> bool(np.isclose(kernel.steepness(np.array([0.1]))[0], kernel.at(0.1).steepness))
+    True
+    """
+
+    diameter: float
+    viscosity: float
+    slip_range: tuple[float, float]
+    slip_at: str = "t"
+    c1: float = 2.0
+    c2: float = 0.105
+
+    def __post_init__(self) -> None:
+        try:
+            low, high = self.slip_range
+        except (TypeError, ValueError):
+            raise TypeError(f"slip_range must be a pair (low, high) in m/s, got {_validate.shown(self.slip_range)}") from None
+        low, high = _validate.positive("slip_range[0]", low, "m/s"), _validate.positive("slip_range[1]", high, "m/s")
+        if high <= low:
+            raise ValueError("slip_range must rise, got ({}, {}) m/s".format(*_validate.apart(low, high)))
+        object.__setattr__(self, "slip_range", (low, high))
+        _validate.choice("slip_at", self.slip_at, ("t", "tau"))
+        for slip in (low, high):
+            self.at(slip)
+
+    def at(self, slip: float) -> MeiAdrianKernel:
+        """The kernel of one slip.
+
+        Parameters
+        ----------
+        slip : float, m/s
+
+        Returns
+        -------
+        MeiAdrianKernel
+        """
+        return MeiAdrianKernel(slip, self.diameter, self.viscosity, self.c1, self.c2)
+
+    def steepness(self, slip: Floats) -> Floats:
+        """C(U), elementwise, as MeiAdrianKernel.steepness.
+
+        Parameters
+        ----------
+        slip : ndarray (...), m/s
+
+        Returns
+        -------
+        ndarray (...), s^(-3/2)
+        """
+        friction = 0.75 + self.c2 * slip * self.diameter / self.viscosity
+        return np.asarray(0.5 * math.sqrt(math.pi) * (slip / friction / math.sqrt(self.viscosity)) ** 3)
+
+
+AnyKernel = Kernel | VaryingSlipKernel

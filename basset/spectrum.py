@@ -21,6 +21,7 @@ Functions, de Gruyter, theorems 1.4 (Bernstein) and 3.7 (composition); Trefethen
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ from numpy.typing import ArrayLike
 from basset import _validate
 from basset._compile import shared
 from basset.exponentials import ExponentialSum
-from basset.kernels import BassetKernel, Floats
+from basset.kernels import BassetKernel, Floats, VaryingSlipKernel
 
 __all__ = ["slip_weights", "spectral_ratio"]
 
@@ -192,6 +193,25 @@ def weights_at(basset_sum: ExponentialSum, stretch: Floats, c1: float, horizon: 
         slow = _slow(basset_sum, horizon)
         ratios[..., :slow] = _matched(basset_sum, stretch, c1, horizon, slow)
     return np.asarray(basset_sum.weights * ratios)
+
+
+def following_sum(near: float, horizon: float, rtol: float, kernel: VaryingSlipKernel) -> ExponentialSum:
+    """A short Basset sum whose weights, following the slip, keep `rtol` of the kernel from `near` to `horizon`; that is its rtol."""
+    low, high = 2.0 / 3.0 * np.log(kernel.steepness(np.array(kernel.slip_range)))
+    lags, stretches = np.geomspace(near, horizon, 300), np.exp(np.linspace(low, high, 30))
+    exact = (1.0 + (stretches[:, None] * lags) ** (1.5 / kernel.c1)) ** -kernel.c1 / np.sqrt(lags)
+    error = math.inf
+    for share in 10.0 ** np.arange(-0.5, -5.0, -0.5):  # of rtol that it keeps for the Basset kernel
+        try:
+            found = ExponentialSum.fit(near, 10.0 * horizon, rtol * share)
+        except ValueError:
+            if error == math.inf:
+                raise
+            break
+        error = np.abs(weights_at(found, stretches, kernel.c1, horizon) @ np.exp(-np.outer(found.rates, lags)) / exact - 1.0).max()
+        if error <= 0.9 * rtol:
+            return replace(found, rtol=rtol)
+    raise ValueError(f"rtol must be at least {1.2 * error:.1g} for that step, horizon and slip_range, got {rtol:g}")
 
 
 def grid_of(c1: float, fine: bool) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import pytest
 
 import basset
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 from bench.suites.fresnel import RULES
 
 PROBLEM = PROBLEMS["fresnel_generic"]

@@ -14,7 +14,6 @@ import numpy as np
 
 from basset._compile import call, entry, invoke, placed, shared
 from basset.kernels import Floats
-from basset.quadrature import Daitche
 from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
@@ -114,7 +113,7 @@ def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -
     scene, grain = engine.scene, Grain(engine)
     d, m, n, dt = engine.dimensions, engine.members, engine.states, float(scene.solver.dt)
     kind = _fixed.HELD if scene.solver.method == "runge_kutta_4" else _fixed.RATES
-    rule = scene.history_rule(engine.horizon) if m else Daitche(1)
+    rule = scene.history_rule(engine.horizon)
     degree = degree_of(rule)
     plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
     samples = plan.start((m,))

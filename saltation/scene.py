@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError, create_model, model_validator
 
 from basset import _validate
-from basset.quadrature import SCHEMES
+from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
 from saltation.bed.rebound import REBOUNDS
 from saltation.bed.roughness import READINGS, ROUGHNESS
@@ -427,11 +427,10 @@ class Basis(Table):
 
     def _check_steps(self) -> None:
         """Fixed steps have to be stable for the drag of a grain at rest, the least there is, and the history."""
-        from basset.quadrature import Daitche
         from basset.solvers.stability import longest_step
 
         n, names, dt = self.numbers, self.names, float(self.solver.dt or 0.0)
-        rule = self.history_rule() if "history" in names else Daitche(1)
+        rule = self.history_rule()
         rate, coefficient = 18.0 * n.alpha / n.reynolds * ("drag" in names), n.history * ("history" in names)
         longest = longest_step(rule, rate, coefficient, self.solver.method == "runge_kutta_4")
         if dt > longest:
@@ -495,11 +494,10 @@ class Basis(Table):
         2000
         """
         from basset import BassetKernel
-        from basset.streaming import Plan
 
         rule = self.history_rule(horizon)
         try:
-            return Plan.reach(rule, float(self.solver.dt or 0.0), horizon, BassetKernel())[0]
+            return int(rule.reach(float(self.solver.dt or 0.0), horizon, BassetKernel())[0])
         except ValueError as error:
             text = str(error).replace(" seconds", " d/u*").replace(" s ", " d/u* ").replace("basset.Exponential", "scheme = 'exponential'")
             raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None
@@ -515,13 +513,15 @@ class Basis(Table):
         Returns
         -------
         basset.Rule
-            Its window in units of d/u*.
+            Its window in units of d/u*; the trapezoid where nothing is remembered.
 
         Raises
         ------
         ValueError
             If the words name no rule, or do not belong together.
         """
+        if "history" not in self.names:
+            return Daitche(1)
         options = self.options("history")
         given: dict[str, Any] = {key: getattr(options, key) for key in ("order", "rtol", "window", "rule", "tail") if getattr(options, key) is not None}
         scheme: Any = SCHEMES[options.scheme]
@@ -548,8 +548,6 @@ class Basis(Table):
             raise ValueError(f"rule must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
         if "order" in given and name != "daitche":
             raise ValueError(f"order has no meaning for rule = {name!r}")
-        if options.tail not in (None, False) and name != "daitche":
-            raise ValueError(f"tail needs rule = 'daitche', whose polynomials fit the sum, got rule = {name!r}: leave the tail out")
         given["rule"] = SCHEMES[name](**{"order": given.pop("order")} if "order" in given else {})
         given["tail"] = self._tail(options, given.pop("rtol", 1e-6), horizon)
 

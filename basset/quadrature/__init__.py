@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from typing import Any
 
 from basset import _validate
-from basset.quadrature.base import Rule
-from basset.quadrature.baselines import Brush, EulerMaclaurin
+from basset.quadrature.brush import Brush
+from basset.quadrature.daitche import Daitche
+from basset.quadrature.euler_maclaurin import EulerMaclaurin
 from basset.quadrature.exponential import Exponential
 from basset.quadrature.hinsberg import Hinsberg
-from basset.quadrature.product import Daitche
+from basset.quadrature.rule import Rule
 from basset.quadrature.semi_derivative import SemiDerivative
 from basset.quadrature.windowed import Windowed
 
@@ -51,3 +53,17 @@ def _found() -> dict[str, type[Rule]]:
 
 
 SCHEMES: dict[str, type[Rule]] = _Schemes(_found())
+
+
+def resolve(rule: Any) -> Rule:
+    """A rule, from a rule or from a name in `basset.SCHEMES` whose parameters all have defaults."""
+    if isinstance(rule, Rule):
+        return rule
+    if isinstance(rule, str):
+        scheme = SCHEMES[rule]
+        try:
+            return scheme()
+        except TypeError as error:
+            raise TypeError(f"rule {rule!r} needs parameters: pass basset.{scheme.__name__}(...) instead ({error})") from None
+    hint = f"; write {rule.__name__}(...)" if isinstance(rule, type) and issubclass(rule, Rule) else ""
+    raise TypeError(f"rule must be a rule such as basset.Daitche(order=3), got {_validate.shown(rule)}{hint}")

@@ -7,9 +7,12 @@ from typing import ClassVar
 
 from basset import _validate
 from basset.exponentials import ExponentialSum
-from basset.kernels import Kernel
-from basset.quadrature.base import FullRule, Rule
-from basset.quadrature.product import MAXIMUM_ORDER, Daitche
+from basset.kernels import AnyKernel, VaryingSlipKernel
+from basset.quadrature.daitche import Daitche
+from basset.quadrature.rule import Rule
+from basset.spectrum import following_sum
+from basset.weights.polynomials import MAXIMUM_ORDER, Product
+from basset.weights.table import Recipe
 
 
 @dataclass(frozen=True)
@@ -67,16 +70,16 @@ class Exponential(Rule):
         return self.order + 1.0
 
     @property
-    def _remembered(self) -> FullRule:
+    def whole(self) -> Rule:
+        """Daitche's rule of the same order."""
         return Daitche(self.order)
 
-    def _window_steps(self, dt: float) -> int | None:
-        return self.order // 2 + 1
-
-    @property
-    def _has_tail(self) -> bool:
-        return True
-
-    def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
-        near = (self.order // 2 + 1) * dt
-        return ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), self.rtol, kernel)  # a jump may lie before the first sample
+    def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
+        """The newest panels, and a sum fitted to step and horizon."""
+        steps = self.order // 2 + 1
+        near = steps * dt
+        if isinstance(kernel, VaryingSlipKernel):
+            tail = following_sum(near, max(horizon, 2.0 * near), self.rtol, kernel)
+        else:
+            tail = ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), self.rtol, kernel)  # a jump may lie before the first sample
+        return Recipe(Product(self.order), steps, tail, self.order)

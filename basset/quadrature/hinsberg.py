@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from basset import _validate
 from basset.exponentials import ExponentialSum
-from basset.kernels import BassetKernel, Kernel
-from basset.quadrature.base import FullRule, Rule
-from basset.quadrature.product import Daitche
+from basset.kernels import AnyKernel, BassetKernel
+from basset.quadrature.daitche import Daitche
+from basset.quadrature.rule import Rule
 from basset.quadrature.windowed import checked_tail, whole_steps
-
-_TRAPEZOID = Daitche(1)
+from basset.weights.polynomials import Product
+from basset.weights.table import Recipe
 
 
 @dataclass(frozen=True)
@@ -68,25 +68,23 @@ class Hinsberg(Rule):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Both, as Daitche(order=1); rates only with a tail."""
-        return ("rate",) if self._has_tail else ("rate", "slip")
+        return ("rate", "slip") if self.window is None or self.tail is False else ("rate",)
 
     @property
-    def _remembered(self) -> FullRule:
-        return _TRAPEZOID
+    def whole(self) -> Rule:
+        """The product trapezoid."""
+        return Daitche(1)
 
-    def _window_steps(self, dt: float) -> int | None:
-        return None if self.window is None else whole_steps(self.window, dt)
-
-    @property
-    def _has_tail(self) -> bool:
-        return self.window is not None and self.tail is not False
-
-    def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
-        if self.window is None or self.tail is False:
-            return None
-        start = whole_steps(self.window, dt) * dt
+    def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
+        """The product trapezoid on the window, with the published sum or a given one beyond."""
+        trapezoid = Recipe(Product(1), degree=1)
+        if self.window is None:
+            return trapezoid
+        steps, tail = whole_steps(self.window, dt), None
         if isinstance(self.tail, ExponentialSum):
-            return checked_tail(self.tail, start, horizon, kernel)
-        if not isinstance(kernel, BassetKernel):
-            raise ValueError(f"kernel must be BassetKernel() for the published tail, got {kernel!r}: pass a fitted sum as tail")
-        return ExponentialSum.van_hinsberg(start)
+            tail = checked_tail(self.tail, steps * dt, horizon, kernel)
+        elif self.tail is None:
+            if not isinstance(kernel, BassetKernel):
+                raise ValueError(f"kernel must be BassetKernel() for the published tail, got {kernel!r}: pass a fitted sum as tail")
+            tail = ExponentialSum.van_hinsberg(steps * dt)
+        return replace(trapezoid, window=steps, tail=tail)

@@ -10,8 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from basset.kernels import BassetKernel, Floats, Kernel
-from basset.quadrature.base import FullRule
+from basset.kernels import AnyKernel, BassetKernel, Floats, Kernel
+from basset.quadrature.rule import Rule
+from basset.weights.table import Recipe, Stencil
 
 NEAR = 128
 
@@ -30,8 +31,23 @@ def gamma_ratios(start: int, stop: int) -> Floats:
     return np.concatenate([near_ratios()[start:stop], series])
 
 
+class GrunwaldLetnikov(Stencil):
+    """The binomial coefficients of a derivative of order ∓1/2, over √π."""
+
+    def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
+        """Γ(j+1/2)/Γ(j+1), over 1 − 2j on slips."""
+        ratios = gamma_ratios(start, stop)
+        if input == "slip":
+            ratios /= 1.0 - 2.0 * np.arange(start, stop)
+        return ratios
+
+    def oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
+        """None: the series ends one sample before."""
+        return np.zeros((len(n), 1))
+
+
 @dataclass(frozen=True)
-class SemiDerivative(FullRule):
+class SemiDerivative(Rule):
     """The history as a fractional derivative, by the Grünwald–Letnikov series: first order, standard kernel only.
 
     On rates it is a semi-integral of g (q = −1/2 in thesis eqs. 5-5 and 5-6), on slips the semi-derivative of f
@@ -64,23 +80,11 @@ class SemiDerivative(FullRule):
         """1, dimensionless."""
         return 1.0
 
-    @property
-    def _reach(self) -> int:
-        return 1
-
-    def _accept(self, kernel: Kernel, input: str) -> None:
-        super()._accept(kernel, input)
+    def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
+        """The whole history, of the Basset kernel only."""
         if not isinstance(kernel, BassetKernel):
             raise ValueError(
                 f"kernel must be BassetKernel() for SemiDerivative, got {type(kernel).__name__}: "
                 "a derivative of order 1/2 is an integral against s^(-1/2) and no other kernel"
             )
-
-    def _interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
-        ratios = gamma_ratios(start, stop)
-        if input == "slip":
-            ratios /= 1.0 - 2.0 * np.arange(start, stop)
-        return ratios
-
-    def _oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
-        return np.zeros((len(n), 1))
+        return Recipe(GrunwaldLetnikov())

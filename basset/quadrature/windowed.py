@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from basset import _validate
 from basset.exponentials import ExponentialSum
-from basset.kernels import Kernel
-from basset.quadrature.base import FullRule, Rule
-from basset.quadrature.product import Daitche
+from basset.kernels import AnyKernel
+from basset.quadrature.rule import Rule
+from basset.weights.table import Recipe
 
 
 def whole_steps(window: float, dt: float) -> int:
@@ -19,7 +19,7 @@ def whole_steps(window: float, dt: float) -> int:
     return max(round(min(window / dt, 1e18)), 1)
 
 
-def checked_tail(tail: ExponentialSum, start: float, horizon: float, kernel: Kernel) -> ExponentialSum:
+def checked_tail(tail: ExponentialSum, start: float, horizon: float, kernel: AnyKernel) -> ExponentialSum:
     """`tail` if it stands for `kernel` from `start` to `horizon` seconds."""
     if tail.kernel != kernel:
         raise ValueError(f"tail must be a sum for the kernel {kernel!r}, got one for {tail.kernel!r}")
@@ -36,13 +36,13 @@ class Windowed(Rule):
 
     The window is rounded to whole steps. Without a tail, samples older than the window are not read and a jump older
     than it (the initial slip) is forgotten: `error_order` is then the rule's own, towards the *windowed* integral, and
-    the dropped part is an error that no step size removes. With a tail the same polynomials are integrated against the
-    sum: |error| grows by at most rtol·∫K|g| over the tail, and memory and time per step do not grow with the history.
+    the dropped part is an error that no step size removes. With a tail, polynomials of the rule's degree are integrated
+    against the sum: |error| grows by at most rtol·∫K|g| over the tail, and memory and time per step do not grow with the history.
 
     Parameters
     ----------
     rule : Rule
-        A full-history rule, such as Daitche(order=2); with a tail a Daitche rule.
+        A full-history rule, such as Daitche(order=2).
     window : float, seconds
         The memory time, greater than 0; with a tail at least order//2 + 1 steps.
     tail : ExponentialSum or None
@@ -66,7 +66,7 @@ class Windowed(Rule):
     array([1.3333, 0.6667, 0.    , 0.    ])
     """
 
-    rule: FullRule
+    rule: Rule
     window: float
     tail: ExponentialSum | None = None
 
@@ -77,15 +77,11 @@ class Windowed(Rule):
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.rule, FullRule):
+        if not isinstance(self.rule, Rule) or self.rule.whole != self.rule:
             raise TypeError(f"rule must be a full-history rule such as basset.Daitche(order=2), got {_validate.shown(self.rule)}")
         object.__setattr__(self, "window", _validate.positive("window", self.window, "seconds"))
-        if self.tail is None:
-            return
-        if not isinstance(self.tail, ExponentialSum):
+        if self.tail is not None and not isinstance(self.tail, ExponentialSum):
             raise TypeError(f"tail must be an ExponentialSum or None, got {_validate.shown(self.tail)}")
-        if not isinstance(self.rule, Daitche):
-            raise TypeError(f"rule must be a Daitche rule where there is a tail, got {_validate.shown(self.rule)}: only its polynomials fit the sum")
 
     @property
     def error_order(self) -> float:
@@ -97,24 +93,15 @@ class Windowed(Rule):
         """Those of the rule inside; rates only with a tail."""
         return self.rule.inputs if self.tail is None else ("rate",)
 
-    def _accept(self, kernel: Kernel, input: str) -> None:
-        super()._accept(kernel, input)
-        self.rule._accept(kernel, input)
-
     @property
-    def _remembered(self) -> FullRule:
+    def whole(self) -> Rule:
+        """The rule inside."""
         return self.rule
 
-    def _window_steps(self, dt: float) -> int | None:
-        steps = whole_steps(self.window, dt)
-        least = self.rule.order // 2 + 1 if isinstance(self.rule, Daitche) and self.tail is not None else 1
+    def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
+        """That of the rule inside, on the window."""
+        inside, steps = self.rule.recipe(dt, horizon, kernel), whole_steps(self.window, dt)
+        least = max(1, inside.degree) // 2 + 1 if self.tail is not None else 1
         if steps < least:
             raise ValueError(f"window must be at least {least} steps of dt = {dt:g} seconds under a tail, got {self.window:g}")
-        return steps
-
-    @property
-    def _has_tail(self) -> bool:
-        return self.tail is not None
-
-    def _tail(self, dt: float, horizon: float, kernel: Kernel) -> ExponentialSum | None:
-        return None if self.tail is None else checked_tail(self.tail, whole_steps(self.window, dt) * dt, horizon, kernel)
+        return replace(inside, window=steps, tail=None if self.tail is None else checked_tail(self.tail, steps * dt, horizon, kernel))

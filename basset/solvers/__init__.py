@@ -1,6 +1,7 @@
 """Equations with memory: y' = f(t, y) − c·H[y]."""
 
-from basset.solvers.base import Method, Path, Solution, solve
+from basset.solvers._solve import solve
+from basset.solvers.base import Method, Path, Solution
 from basset.solvers.collocation import Collocation
 from basset.solvers.fixed_step import FixedStep, RungeKutta4
 

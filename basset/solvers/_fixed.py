@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import call, compiled, entry, separate, shared
-from basset._stream import peek, take
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import CALLS, WHAT, WHERE, copy
@@ -21,6 +20,7 @@ from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton
 from basset.solvers.stepper import ACCEPTED, END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
 from basset.streaming import Plan
 from basset.streaming import State as Samples
+from basset.streaming._loops import peek, take
 
 HELD, RATES, SLIPS = range(3)  # the history of a step's beginning all through it; or implicit, its samples being rates or slips
 UNSOLVED, DIVERGED = 30, 31  # why the loop came back, beside the codes of the march
@@ -520,8 +520,8 @@ look_entry = entry(looked, "some 5 s")
 
 def stream_of(plan: Plan, samples: Samples) -> Stream:
     """A plan and its state for the loop."""
-    short, oldest, interior, fixed, loss, gains, entering = plan._arrays
-    return Stream(*samples, plan._slots, plan._steady, short, oldest, interior, fixed, loss, gains, entering)
+    slots, short, oldest, interior, steady, *rest = plan.tables
+    return Stream(*samples, slots, steady, short, oldest, interior, *rest)
 
 
 def weights_of(degree: int) -> Floats:

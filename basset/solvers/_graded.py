@@ -12,8 +12,7 @@ import numpy as np
 
 from basset._compile import filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
-from basset.finite_reynolds import VaryingSlipKernel
-from basset.kernels import BassetKernel, Floats, Kernel, gauss_legendre
+from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel, gauss_legendre
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, stretches

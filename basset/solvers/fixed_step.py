@@ -12,15 +12,14 @@ import numpy as np
 from basset import _validate
 from basset._compile import Callbacks, is_compiled, placed
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.quadrature import Daitche, Rule, SemiDerivative
-from basset.quadrature.base import resolve
-from basset.quadrature.product import lagrange
+from basset.quadrature import Daitche, Rule, SemiDerivative, resolve
 from basset.solvers import _fixed, events
 from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, stretches
-from basset.solvers.stability import bounds, degree_of, longest_step, stable
+from basset.solvers.stability import bounds, degree_of, longest_step, stable, whole
 from basset.solvers.stepper import END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE
 from basset.spectrum import STAYS
 from basset.streaming import Plan, State
+from basset.weights.polynomials import lagrange
 
 
 @lru_cache(maxsize=64)
@@ -310,7 +309,7 @@ class FixedStep(_Grid):
         object.__setattr__(self, "dt", _validate.positive("dt", self.dt, "seconds"))
         object.__setattr__(self, "rule", resolve(self.rule))
         _validate.choice("input", self.input, ("rate", "slip"))
-        if self.input == "slip" and not isinstance(self.rule._remembered, Daitche):
+        if self.input == "slip" and not whole(self.rule).degree:
             raise ValueError(f"rule must be a product rule (Daitche, Hinsberg, Windowed, Exponential) for input='slip', got {_validate.shown(self.rule)}")
 
     @property

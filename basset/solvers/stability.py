@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from basset import _validate
-from basset.kernels import Floats, gauss_legendre
-from basset.quadrature import Daitche, Rule
-from basset.quadrature.base import resolve
-from basset.quadrature.product import lagrange
+from basset.kernels import BassetKernel, Floats, gauss_legendre
+from basset.quadrature import Rule, resolve
+from basset.weights.polynomials import lagrange
+from basset.weights.table import Recipe
 
 LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then
 ALTERNATING = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # of five rates: what alternates, and little of what is smooth
@@ -35,16 +35,20 @@ def adams_moulton(degree: int) -> Floats:
     return np.asarray(w @ lagrange(np.arange(degree + 1.0), x)[0])
 
 
+def whole(rule: Rule) -> Recipe:
+    """What the rule does with the whole history of a unit step."""
+    return rule.whole.recipe(1.0, 2.0 * LAGS, BassetKernel())
+
+
 def degree_of(rule: Rule) -> int:
     """Degree with which the rates of all states are interpolated."""
-    base = rule._remembered
-    return base.order if isinstance(base, Daitche) else 1
+    return max(1, whole(rule).degree)
 
 
 @lru_cache(maxsize=256)
 def symbols(rule: Rule, share: float = 1.0) -> tuple[float, float]:
     """(A, W) at ζ = −share: what both sets of weights make of samples that alternate and grow by 1/share from step to step."""
-    plain, history = adams_moulton(degree_of(rule)), rule._remembered.weights(2 * LAGS, 1.0)[:LAGS]
+    plain, history = adams_moulton(degree_of(rule)), rule.whole.weights(2 * LAGS, 1.0)[:LAGS]
     partial = np.cumsum(history * (-share) ** np.arange(float(LAGS)))
     return float(np.polyval(plain[::-1], -share)), float(np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0 @ partial[-5:])
 

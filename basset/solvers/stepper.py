@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import call, compiled, entry, separate, shared
-from basset._stream import dot
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
 from basset.spectrum import Following, clock_of, followed
+from basset.streaming._loops import dot
 
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung

@@ -15,7 +15,7 @@ from basset.advice import SIZES, Family, Job
 from basset.evaluate import PLANS
 from basset.kernels import Floats
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 from bench.grains import rounded
 
 ERRORS = (1e-3, 1e-6, 1e-9)
@@ -245,16 +245,16 @@ def too_slow(job: Job, family: Family, dt: float, most: float) -> bool:
     steps = job.steps(dt)
     try:
         rule = family(dt)
-        window, tail = advice.remembered(rule, dt, steps, job.kernel)
+        recipe = rule.recipe(dt, steps * dt, job.kernel)
     except ValueError:
         return False
-    return advice.expense(rule, steps, window, len(tail or ()), job.columns, job.use, job.machine)[0] > most
+    return advice.expense(recipe, steps, job.columns, job.use, job.machine)[0] > most
 
 
 def short(rule: Rule) -> str:
     """A rule as tables name it."""
     text = repr(rule).replace("order=", "").replace("rtol=", "").replace("rule=", "")
-    return text if len(text) < 40 else f"Windowed({repr(rule._remembered).replace('order=', '')}, fitted tail)"
+    return text if len(text) < 40 else f"Windowed({repr(rule.whole).replace('order=', '')}, fitted tail)"
 
 
 def run(full: bool) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 import basset
 from basset import measure
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 from bench.suites.fresnel import RULES
 
 CACHED, BUILT, HELD = 2**16, 2**18, 10**7

@@ -12,7 +12,7 @@ import numpy as np
 import basset
 from basset import measure
 from basset.problems import PROBLEMS, Problem
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 from bench import published
 
 RULES: dict[str, basset.Rule] = {

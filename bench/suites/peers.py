@@ -18,7 +18,7 @@ import scipy.integrate
 import basset
 from basset import measure
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 
 PROBLEM = PROBLEMS["fresnel_generic"]
 END = PROBLEM.end

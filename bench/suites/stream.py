@@ -16,7 +16,7 @@ import basset
 from basset import ExponentialSum, measure
 from basset.kernels import Floats
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 
 STEP = 0.01  # seconds; the rate is cos τ + 1/10, so that H holds an oscillation and a growing mean
 WINDOW = 1.0  # seconds: 100 steps
@@ -55,11 +55,6 @@ def schemes(horizon: float) -> dict[str, basset.Rule]:
         TAIL: basset.Windowed(basset.Daitche(3), WINDOW, ExponentialSum.fit(WINDOW, max(horizon, 2.0 * WINDOW), 1e-6)),
         **exponential,
     }
-
-
-def degree(rule: basset.Rule) -> int:
-    """Degree of the polynomials."""
-    return int(rule.error_order) - 1
 
 
 def nbytes(state: Any) -> int:
@@ -103,7 +98,7 @@ def against_steps(full: bool) -> list[dict[str, Any]]:
     for n in sorted({n for _, n in plans}):
         g, truth, needed = rates(n + 1), {}, schemes(n * STEP)
         for name, plan in ((name, plan) for (name, length), plan in plans.items() if length == n):
-            p = degree(plan.rule)
+            p = plan.recipe.degree
             if p not in truth:
                 truth[p] = basset.cumulate(g, STEP, basset.Daitche(p))
             error = None if name == FULL else float(np.abs(plan.run(plan.start(), g) - truth[p]).max() / np.abs(truth[p]).max())

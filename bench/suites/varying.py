@@ -9,8 +9,7 @@ import numpy as np
 
 import basset
 from basset import measure
-from basset.finite_reynolds import VaryingSlipKernel
-from basset.kernels import Floats
+from basset.kernels import Floats, VaryingSlipKernel
 from bench.suites.kernels import DIAMETER, SLIP, VISCOSITY
 
 AMPLITUDES, FREQUENCIES = (0.1, 0.25, 0.5, 0.75, 0.9), (0.2, 2.0, 20.0, 200.0)  # of U = U0 (1 + a sin ωt); 1/s

@@ -10,7 +10,7 @@ import numpy as np
 
 import basset
 from basset import measure, reference
-from basset.quadrature.base import TABLES
+from basset.weights.table import TABLES
 from bench import published
 
 ORDERS = (1, 2, 3, 4, 6, 8, 10)

@@ -29,7 +29,11 @@ RULES: dict[str, Callable[[float], basset.Rule]] = {
 
 # schemes that none of these shows yet, as they are by default
 SHOWN = {type(make(1.0)) for make in RULES.values()} | {basset.Exponential}
-RULES |= {name: (lambda window, scheme=scheme: scheme()) for name, scheme in basset.SCHEMES.items() if scheme not in SHOWN}
+for name, scheme in basset.SCHEMES.items():
+    if scheme not in SHOWN:
+        RULES[name] = lambda window, scheme=scheme: scheme()
+        if scheme().whole == scheme():
+            RULES[f"windowed_{name}"] = lambda window, scheme=scheme: basset.Windowed(scheme(), window)
 
 # rules whose far memory is a sum of exponentials: fitted to the horizon, so their weights depend on it; rates only
 TAILED: dict[str, Callable[[float], basset.Rule]] = {
@@ -49,9 +53,8 @@ KERNELS: dict[str, basset.Kernel] = {
 
 def accepts(rule: basset.Rule, kernel: basset.Kernel) -> bool:
     """Whether the method has a form for that kernel: semi-derivative and published tail have one for the standard kernel only."""
-    inner = getattr(rule, "rule", rule)
-    published = isinstance(rule, basset.Hinsberg) and rule._has_tail
-    return isinstance(kernel, basset.BassetKernel) or not (published or isinstance(inner, basset.SemiDerivative))
+    published = isinstance(rule, basset.Hinsberg) and "slip" not in rule.inputs
+    return isinstance(kernel, basset.BassetKernel) or not (published or isinstance(rule.whole, basset.SemiDerivative))
 
 
 def with_inputs(names: list[str]) -> list[tuple[str, str]]:
@@ -59,8 +62,13 @@ def with_inputs(names: list[str]) -> list[tuple[str, str]]:
     return [(name, input) for name in names for input in ANY[name](1.0).inputs]
 
 
+def window_steps(rule: basset.Rule, dt: float) -> int | None:
+    """How many steps the rule remembers; None for all."""
+    return rule.recipe(dt, dt, basset.BassetKernel()).window
+
+
 ANY = RULES | TAILED
-FULL = [name for name, make in RULES.items() if make(1.0)._window_steps(1.0) is None]
+FULL = [name for name, make in RULES.items() if window_steps(make(1.0), 1.0) is None]
 WINDOWED = [name for name in RULES if name not in FULL]
 
 any_rule = pytest.mark.parametrize("make", ANY.values(), ids=ANY)

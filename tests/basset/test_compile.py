@@ -83,23 +83,23 @@ class TestTwoExecutions:
 
     def test_not_a_number_keeps_its_meaning(self):
         """Reordering is allowed, assuming that there are no NaN is not: the inner loops pass them on."""
-        from basset import _stream
+        from basset.streaming import _loops
 
         weights, rates = np.ones(5), np.array([1.0, 2.0, np.nan, 3.0, 4.0])
-        assert np.isnan(_stream.dot(weights, 0, rates, 0, 5))
-        assert _stream.dot(weights, 0, rates, 0, 2) == 3.0
-        assert np.isinf(_stream.dot(weights, 0, np.array([1.0, np.inf, 2.0, 3.0, 4.0]), 0, 5))
+        assert np.isnan(_loops.dot(weights, 0, rates, 0, 5))
+        assert _loops.dot(weights, 0, rates, 0, 2) == 3.0
+        assert np.isinf(_loops.dot(weights, 0, np.array([1.0, np.inf, 2.0, 3.0, 4.0]), 0, 5))
 
 
 STREAM = """
 import numpy as np
 import basset
-from basset import _stream
+from basset.streaming import _loops
 plan = basset.Windowed(basset.Daitche(2), 0.5).plan(0.1, 2.0)
 state = plan.start()
 H = plan.run(state, np.ones(8))
-hits = sum(sum(f.stats.cache_hits.values()) for f in (_stream.run,))
-misses = sum(sum(f.stats.cache_misses.values()) for f in (_stream.run,))
+hits = sum(sum(f.stats.cache_hits.values()) for f in (_loops.run,))
+misses = sum(sum(f.stats.cache_misses.values()) for f in (_loops.run,))
 print(H[-1].hex(), hits, misses)
 """
 
@@ -127,7 +127,7 @@ class TestTheCacheOnDisk:
         assert (hits, misses) == (1, 0)
         assert files() == written  # nothing was compiled, nothing written
 
-        source = copied_package / "basset" / "_stream.py"
+        source = copied_package / "basset" / "streaming" / "_loops.py"
         text = source.read_text()
         assert text.count("total += weights[start + i] * samples[other + i]") == 1
         source.write_text(text.replace("total += weights[start + i]", "total += 3.0 * weights[start + i]"))

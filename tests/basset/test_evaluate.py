@@ -25,8 +25,8 @@ from rule_cases import (
 
 import basset
 from basset.problems import PROBLEMS
-from basset.quadrature.base import TABLES, WeightTable, table
-from basset.quadrature.product import FAR
+from basset.weights.polynomials import FAR
+from basset.weights.table import TABLES, WeightTable, table
 
 BASSET = basset.BassetKernel()
 every_kernel = pytest.mark.parametrize("kernel", KERNELS.values(), ids=KERNELS)
@@ -38,7 +38,7 @@ def largest(H: np.ndarray) -> float:
 
 
 def degree(rule: basset.Rule) -> int:
-    return getattr(rule._remembered, "order", 2)
+    return getattr(rule.whole, "order", 2)
 
 
 class TestCumulateIsIntegrateRowByRow:
@@ -154,7 +154,7 @@ class TestNoWrapAround:
     def test_impulses_in_the_oldest_samples(self, make, input):
         """Row k is the weight of an oldest sample, however small: those are not computed by the transform."""
         rule, n = make(0.0), FAR + 188
-        reach = rule._remembered._reach
+        reach = rule.recipe(1.0, 1.0, BASSET).stencil.reach
         H = basset.cumulate(np.eye(n + 1)[:, :reach], 1.0, rule, input=input)
         promised = 2e-14 if rule.error_order <= 5.0 else 1e-13
         for k in [*range(1, 60), FAR - 1, *range(FAR, n, 17), n]:
@@ -418,12 +418,13 @@ class TestCache:
 
     def test_the_least_recently_used_goes_first(self, empty_cache):
         rules = [basset.Daitche(p) for p in (1, 2, 3)]
+        stencils = [rule.recipe(1.0, 1.0, BASSET).stencil for rule in rules]
         for rule in rules:
             rule.weights(1000, 1.0)
-        one = table(rules[0], BASSET, "rate").nbytes  # and 1 is the newest now
+        one = table(stencils[0], BASSET, "rate").nbytes  # and 1 is the newest now
         empty_cache.limit = int(2.5 * one)
         empty_cache.trim()
-        kept = [table(rule, BASSET, "rate").nbytes > 0 for rule in (rules[0], rules[2], rules[1])]
+        kept = [table(stencils[i], BASSET, "rate").nbytes > 0 for i in (0, 2, 1)]
         assert kept == [True, True, False]
 
     def test_many_lengths_do_not_pile_up(self, empty_cache):

@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 
 import basset
 from basset import ExponentialSum, reference
+from basset.reference import integrals
 
 BASSET = basset.BassetKernel()
 ROUNDING = 16 * EPS  # of a sum of positive terms in double precision, and of its tabulated numbers
@@ -58,7 +59,7 @@ def error_digits(s: ExponentialSum, lag: float) -> float:
     with mpmath.workdps(40):
         time = mpmath.mpf(lag)
         total = mpmath.fsum(mpmath.mpf(float(a)) * mpmath.exp(-mpmath.mpf(float(r)) * time) for a, r in zip(s.weights, s.rates, strict=True))
-        return float(total / reference._value(time, s.kernel) - 1)
+        return float(total / integrals._value(time, s.kernel) - 1)
 
 
 def fewest(terms: int, near: float, far: float) -> ExponentialSum:
@@ -454,8 +455,6 @@ class TestATailMustFit:
         for tail in ("fitted", 3.0, True):
             with pytest.raises(TypeError, match="tail must be an ExponentialSum"):
                 basset.Windowed(basset.Daitche(2), 1.0, tail)
-        with pytest.raises(TypeError, match="rule must be a Daitche rule where there is a tail"):
-            basset.Windowed(basset.Brush(), 1.0, ExponentialSum.fit(1.0, 9.0, 1e-3))
 
     def test_the_window_holds_the_newest_stencil(self):
         rule = basset.Windowed(basset.Daitche(6), 0.3, ExponentialSum.fit(0.1, 100.0, 1e-6))

@@ -27,6 +27,7 @@ def signal(n: int, end: float = 6.0) -> tuple[np.ndarray, np.ndarray, float]:
 STEADY = [
     *((Daitche(p), at, 1e-13) for p in (1, 3, 5) for at in ("t", "tau")),
     *((Windowed(Daitche(p), 1.5), at, 1e-13) for p in (1, 2, 6) for at in ("t", "tau")),
+    *((rule, at, 1e-13) for rule in (basset.EulerMaclaurin(), basset.Brush(), Windowed(basset.Brush(), 1.5)) for at in ("t", "tau")),
     # the promise is rtol·∫K|g|, at most a few times rtol·max|H| for this signal
     *((Exponential(p, 1e-9), "t", 1e-8) for p in (1, 2, 3, 6, 10)),
 ]
@@ -252,8 +253,9 @@ def test_bad_calls_are_refused_and_change_nothing() -> None:
 @pytest.mark.parametrize(
     ("rule", "slip_at", "words"),
     [
-        (basset.Brush(), "t", "rule must be Daitche"),
-        (basset.SemiDerivative(), "t", "rule must be Daitche"),
+        (basset.SemiDerivative(), "t", r"kernel must be BassetKernel\(\) for SemiDerivative"),
+        (basset.Hinsberg(0.1), "t", r"kernel must be BassetKernel\(\) for the published tail"),
+        (Windowed(Daitche(2), 0.1, basset.ExponentialSum.fit(0.1, 2.0, 1e-3)), "t", "tail must be a sum for the kernel VaryingSlipKernel"),
         (Exponential(3), "tau", "slip_at must be 't'"),
     ],
 )

@@ -41,7 +41,7 @@ compiled = lru_cache(numba.njit)
 
 
 def methods(rule):
-    slips = [basset.FixedStep(0.02, rule, input="slip")] if isinstance(rule._remembered, basset.Daitche) else []
+    slips = [basset.FixedStep(0.02, rule, input="slip")] if isinstance(rule.whole, basset.Daitche) else []
     return [basset.FixedStep(0.02, rule), basset.RungeKutta4(0.01, rule), *slips]
 
 

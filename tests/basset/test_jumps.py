@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from rule_cases import KERNELS
+from rule_cases import FULL, KERNELS, RULES
 from stream_cases import BASSET, DT, HORIZON, STREAMS, WINDOW, Stream, baselines, chosen, copied, every_stream, history, polynomial_streams, same, with_kernels
 
 import basset
@@ -409,11 +409,15 @@ class TestTheOrderIsKeptAfterAJump:
         # start-up after the jump uses the degree that the samples allow, so it is not better than the order by much either
         assert errors[0] > 1e-10
 
-    @pytest.mark.parametrize(("rule", "order"), [(basset.EulerMaclaurin(), 0.5), (basset.Brush(), 0.5), (basset.SemiDerivative(), 1.0)], ids=repr)
-    def test_of_the_baselines(self, rule, order):
-        errors = [kinked_error(lambda dt: rule, n) for n in (300, 1200, 4800)]
+    @pytest.mark.parametrize("tailed", [False, True])
+    @pytest.mark.parametrize("name", [name for name in FULL if RULES[name](0.0).error_order <= 2.0])
+    def test_of_every_low_rule(self, name, tailed):
+        """Whether it knows of windows, sums and jumps or not: any rule may have them."""
+        rule = RULES[name](0.0)
+        made = basset.Windowed(rule.whole, 0.5, self.TAIL) if tailed else rule
+        errors = [kinked_error(lambda dt: made, n) for n in (300, 1200, 4800)]
         slopes = [np.log2(coarse / fine) / 2.0 for coarse, fine in pairwise(errors)]
-        assert min(slopes) > order - 0.1, slopes
+        assert min(slopes) > rule.error_order - 0.1, slopes
 
     def test_without_the_new_rate_it_is_lost(self):
         """Why g is asked for: a stencil across the kink costs Daitche(5) all orders beyond the first and a half."""

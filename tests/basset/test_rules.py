@@ -21,7 +21,7 @@ THESIS = 1.25306020134666323776267517398  # I at the double next to 50π
 
 def declared(rule: basset.Rule, input: str) -> float:
     """The exponent of the step: p+1 on rates, half an order less where the interpolant is differentiated."""
-    differentiates = input == "slip" and isinstance(rule._remembered, basset.Daitche)
+    differentiates = input == "slip" and isinstance(rule.whole, basset.Daitche)
     return rule.error_order - (0.5 if differentiates else 0.0)
 
 
@@ -288,9 +288,9 @@ class TestWindowed:
     def test_is_the_full_rule_while_the_window_is_not_full(self, make, input):
         g = np.random.default_rng(5).standard_normal((61, 2))
         rule = make(6.0)  # 60 steps
-        H, full = (basset.cumulate(g, 0.1, r, input=input) for r in (rule, rule._remembered))
+        H, full = (basset.cumulate(g, 0.1, r, input=input) for r in (rule, rule.whole))
         assert np.array_equal(H, full)
-        assert np.array_equal(rule.weights(60, 0.1, input=input), rule._remembered.weights(60, 0.1, input=input))
+        assert np.array_equal(rule.weights(60, 0.1, input=input), rule.whole.weights(60, 0.1, input=input))
 
     @windowed_rules_and_inputs
     def test_does_not_read_what_is_older(self, make, input):
@@ -323,7 +323,7 @@ class TestWindowed:
             return
         rule = make(2.0)
         H = basset.cumulate(np.ones(300), 0.1, rule, input=input)
-        first_order = isinstance(rule._remembered, basset.SemiDerivative)
+        first_order = isinstance(rule.whole, basset.SemiDerivative)
         size = np.abs(rule.weights(299, 0.1, input=input)).sum()
         # Grünwald's series misses K(W) by a share of 1/(steps of the window)
         assert np.abs(H[21:]).max() <= (2.0**-0.5 / 20.0 if first_order else 1e-14 * size)

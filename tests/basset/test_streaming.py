@@ -16,8 +16,8 @@ import basset
 from basset import reference
 from basset.kernels import gauss_legendre
 from basset.problems import PROBLEMS
-from basset.quadrature.product import lagrange
 from basset.streaming import State
+from basset.weights.polynomials import lagrange
 
 SHAPES = [(), (3,), (2, 3), (1, 1, 4)]
 
@@ -71,10 +71,10 @@ class TestOneHistoryManyWays:
     def test_weights_are_their_definition(self, stream, kernel):
         """Panel by panel, with the sum in place of the kernel beyond the window; every weight to 1e-13 of the largest."""
         plan = stream.plan(kernel=kernel)
-        degree, window = stream.degree, plan._window
+        degree, window = stream.degree, plan.recipe.window
         for n in (1, 2, degree, degree + 1, 2 * degree, 2 * degree + 1, WINDOW - 1, WINDOW, WINDOW + degree + 2, WINDOW + 3 * degree, 100, HORIZON):
             # before the first panel has left the window for good, rows are those of the whole history
-            edge = None if window is None or n < plan._steady else window
+            edge = None if window is None or n < plan.tables.steady else window
             expected = direct_weights(n, degree, kernel, DT, edge, plan.tail_sum)
             np.testing.assert_allclose(plan.weights(n), expected, rtol=0.0, atol=1e-13 * largest(expected), err_msg=str(n))
 

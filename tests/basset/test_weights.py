@@ -8,12 +8,12 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
-from rule_cases import ANY, EPS, KERNELS, ORDERS, accepts, any_rule_and_input, every_rule, every_rule_and_input
+from rule_cases import ANY, EPS, KERNELS, ORDERS, accepts, any_rule_and_input, every_rule, every_rule_and_input, window_steps
 
 import basset
 from basset import reference
-from basset.quadrature.base import TABLES
-from basset.quadrature.product import FAR
+from basset.weights.polynomials import FAR
+from basset.weights.table import TABLES
 
 INPUTS = ("rate", "slip")
 BASSET = basset.BassetKernel()
@@ -240,9 +240,9 @@ def test_rate_weights_sum_to_the_integral_of_the_kernel(make, name):
     rule = make(100.0 * dt)
     if not accepts(rule, kernel):
         return
-    span = min(n, rule._window_steps(dt) or n) * dt
+    span = min(n, window_steps(rule, dt) or n) * dt
     exact = kernel.moments(0.0, span, 0)[0]
-    exactly = isinstance(rule._remembered, basset.Daitche)
+    exactly = isinstance(rule.whole, basset.Daitche)
     # otherwise a fixed share of √dt, of at most a first panel's size 2√dt
     assert abs(rule.weights(n, dt, kernel).sum() - exact) <= (300 * EPS * exact if exactly else 2.0 * np.sqrt(dt))
 
@@ -255,7 +255,7 @@ def test_constant_slip_is_a_jump(make, input):
     rule = make(100.0)
     for n in (1, 2, 10, 40, 700):
         H = basset.integrate(np.ones(n + 1), 0.1, rule, input="slip")
-        first_order = isinstance(rule._remembered, basset.SemiDerivative)
+        first_order = isinstance(rule.whole, basset.SemiDerivative)
         # Σ v = K(t): summation error of weights of size 1/√h; Grünwald's series is off by O(1/n)
         tolerance = 1.0 / n if first_order else 1e-13 * np.abs(rule.weights(n, 0.1, input="slip")).sum() * np.sqrt(0.1 * n)
         assert abs(H * np.sqrt(0.1 * n) - 1.0) <= tolerance

@@ -14,6 +14,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import scipy.special
+from numpy.polynomial.polynomial import polyval
 
 # numerator and denominator in √s, highest power first, and the roots of the latter if known; in the current mpmath precision
 Rational = Callable[[], tuple[list[Any], list[Any], list[Any] | None]]
@@ -31,10 +32,10 @@ def entire(m: int, z: Any) -> Any:
     near, far = size < 1.0, size > _FAR
     result = np.empty_like(z)
     if np.any(near):
-        result[near] = _horner(scipy.special.rgamma((np.arange(_SERIES) + m) / 2.0 + 1.0), z[near])
+        result[near] = polyval(z[near], scipy.special.rgamma((np.arange(_SERIES) + m) / 2.0 + 1.0))
     if np.any(far):
         inverse = 1.0 / z[far]
-        result[far] = -inverse * _horner(scipy.special.rgamma(1.0 + (m - np.arange(1, 61)) / 2.0), inverse)
+        result[far] = -inverse * polyval(inverse, scipy.special.rgamma(1.0 + (m - np.arange(1, 61)) / 2.0))
         growing = far & (z.real > 0.0)
         if np.any(growing):
             result[growing] += 2.0 * z[growing] ** -m * np.exp(z[growing] ** 2)
@@ -48,13 +49,6 @@ def entire(m: int, z: Any) -> Any:
             value = scipy.special.rgamma(k / 2.0 + 1.0) + point * value
         result[between] = value
     return result
-
-
-def _horner(coefficients: Any, z: Any) -> Any:
-    value = np.zeros_like(z)
-    for coefficient in coefficients[::-1]:
-        value = value * z + coefficient
-    return value
 
 
 def poles(rate: float, coefficient: float) -> tuple[complex, complex]:
@@ -156,13 +150,6 @@ def settled(compute: Callable[[], Any], digits: int) -> Any:
         return +value
 
 
-def _polynomial(coefficients: list[Any], x: Any) -> Any:
-    value = mpmath.mpf(0)
-    for coefficient in coefficients:
-        value = value * x + coefficient
-    return value
-
-
 def _roots(coefficients: list[Any]) -> list[Any]:
     """All roots of a polynomial, highest power first, by Aberth's iteration from those in double precision."""
     slope = [k * a for k, a in zip(range(len(coefficients) - 1, 0, -1), coefficients, strict=False)]
@@ -173,11 +160,11 @@ def _roots(coefficients: list[Any]) -> list[Any]:
         for _ in range(40 + mpmath.mp.prec):
             largest = mpmath.mpf(0)
             for i, r in enumerate(found):
-                value = _polynomial(coefficients, r)
+                value = mpmath.polyval(coefficients, r)
                 if not value:
                     continue
                 pull = mpmath.fsum(1 / (r - q) for k, q in enumerate(found) if k != i and q != r)
-                change = 1 / (_polynomial(slope, r) / value - pull)
+                change = 1 / (mpmath.polyval(slope, r) / value - pull)
                 found[i], largest = r - change, max(largest, abs(change))
             if largest <= scale * mpmath.mpf(10) ** -(0.6 * mpmath.mp.dps):
                 break
@@ -197,7 +184,7 @@ def _fractions(rational: Rational) -> tuple[list[Any], list[Any]]:
         slope = below[0]
         for k, q in enumerate(found):
             slope = slope if k == i else slope * (r - q)
-        weights.append(_polynomial(above, r) * r / slope)
+        weights.append(mpmath.polyval(above, r) * r / slope)
     return found, weights
 
 
@@ -231,7 +218,7 @@ def inverse(rational: Rational, t: Any) -> Any:
         size, pole, weight = float(scale), np.array([complex(r) for r in found]), np.array([complex(w) for w in weights])
     near = size * root < 1.0
     value = np.empty(flat.shape, dtype=np.complex128)
-    value[near] = root[near] ** (drop - 2) * _horner(series, (size * root[near]).astype(np.complex128))
+    value[near] = root[near] ** (drop - 2) * polyval((size * root[near]).astype(np.complex128), series)
     terms = weight * entire(0, pole * root[~near][:, None])
     value[~near] = terms.sum(axis=1)
     bad = np.flatnonzero(~near)[np.abs(terms).max(axis=1, initial=0.0) > _CANCELLED * np.abs(value[~near])]

@@ -1,191 +1,22 @@
-"""The truth: closed forms of the history integral in double precision, and the same in mpmath to any number of digits.
+"""Exact motions with memory, y' = f − c·H[y] where f is linear: by inverse Laplace transforms. For K(s) = s^(-1/2).
 
-Every function takes `digits=None`: then t may be an array (...) in seconds and the result is float64 of its shape; with `digits` t is one
-number and the result an mpmath number correct to that many digits, from a formula of its own where double precision
-needs a special one. `product_weights` gives exact weights of product integration. All for K(s) = s^(-1/2) unless said.
-
-H has the unit of f × s^(-1/2). In the equations of motion λ = `rate` in 1/s, c = `coefficient` in s^(-1/2) and ω = `omega` in 1/s; λ and c are 0 or
-greater. Their solutions follow from `response` by superposition or by Laplace transforms (this library), where no paper is named.
+Times t are arrays (...) in s, λ = `rate` in 1/s, c = `coefficient` in s^(-1/2) and ω = `omega` in 1/s; λ and c are 0 or greater. With `digits` t is one
+number and the result an mpmath number correct to that many digits. The solutions follow from `response` by superposition or by
+Laplace transforms (this library), where no paper is named.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 import scipy.optimize
-import scipy.special
 from numpy.typing import ArrayLike
 
-from basset import _responses
-from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel
-
-
-def exponential(t: ArrayLike, rate: complex, digits: int | None = None) -> Any:
-    """H(t) for f' = e^(aτ), f(0) = 0: √(π/a) e^(at) erf(√(at)), a = `rate` in 1/s, complex allowed; real for a real rate.
-
-    Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1.
-
-    >>> abs(float(exponential(2.0, -1.0)) - float(exponential(2.0, -1.0, digits=20))) < 1e-15
-    True
-    """
-    if digits is not None:
-        with mpmath.workdps(digits + 10):
-            a, time = mpmath.mpmathify(rate), mpmath.mpmathify(t)
-            if a == 0:
-                return 2 * mpmath.sqrt(time)
-            with mpmath.workdps(digits + 10 + int(abs(a * time) * 0.45)):  # erf cancels against e^(at) for Re a < 0
-                value = mpmath.sqrt(mpmath.pi) / mpmath.sqrt(a) * mpmath.exp(a * time) * mpmath.erf(mpmath.sqrt(a * time))
-            return +value if isinstance(rate, complex) else +mpmath.re(value)
-    times = np.asarray(t, dtype=np.float64)
-    root = np.sqrt(times)
-    if not isinstance(rate, complex):
-        if rate == 0.0:
-            return 2.0 * root
-        scale = np.sqrt(abs(rate))
-        if rate < 0.0:
-            return 2.0 / scale * scipy.special.dawsn(scale * root)
-        return np.sqrt(np.pi) / scale * np.exp(rate * times) * scipy.special.erf(scale * root)
-    z = rate * times
-    small = np.abs(z) <= 1.0
-    near = np.where(small, z, 0.0)
-    term = series = np.ones_like(z)
-    for k in range(1, 26):  # Kummer's M(1, 3/2, z)
-        term = term * near / (k + 0.5)
-        series = series + term
-    far = np.where(small, 1.0, z)
-    faddeeva = scipy.special.wofz(1j * np.sqrt(far))  # erfc(x) = e^(−x²) w(ix)
-    return np.where(small, 2.0 * root * series, np.sqrt(np.pi / rate) * (np.exp(far) - faddeeva))
-
-
-def cosine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for f' = cos ωτ, f(0) = 0: √(2π/ω) [cos ωt C(z) + sin ωt S(z)], z = √(2ωt/π), ω > 0 in 1/s (thesis, section 5.2.2.2).
-
-    With ω = 1 and t = 50π the thesis's test integral:
-
-    >>> abs(float(cosine(50.0 * np.pi)) - 1.25306020134666) < 1e-13
-    True
-    """
-    if digits is not None:
-        with mpmath.workdps(digits + 10):
-            time, w = mpmath.mpmathify(t), mpmath.mpmathify(omega)
-            z = mpmath.sqrt(2 * w * time / mpmath.pi)
-            value = mpmath.cos(w * time) * mpmath.fresnelc(z) + mpmath.sin(w * time) * mpmath.fresnels(z)
-            return mpmath.sqrt(2 * mpmath.pi / w) * value
-    return exponential(t, 1j * omega).real
-
-
-def sine(t: ArrayLike, omega: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for f' = sin ωτ, f(0) = 0: √(2π/ω) [sin ωt C(z) − cos ωt S(z)], z = √(2ωt/π): `cosine` a quarter of a period on."""
-    if digits is not None:
-        with mpmath.workdps(digits + 10):
-            time, w = mpmath.mpmathify(t), mpmath.mpmathify(omega)
-            z = mpmath.sqrt(2 * w * time / mpmath.pi)
-            value = mpmath.sin(w * time) * mpmath.fresnelc(z) - mpmath.cos(w * time) * mpmath.fresnels(z)
-            return mpmath.sqrt(2 * mpmath.pi / w) * value
-    return exponential(t, 1j * omega).imag
-
-
-def power(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
-    """H(t) for f' = τ^k, k = `exponent` > −1, f(0) = 0: B(1/2, k+1) t^(k+1/2), Euler's beta integral."""
-    if digits is not None:
-        with mpmath.workdps(digits + 10):
-            k = mpmath.mpmathify(exponent)
-            return mpmath.beta(mpmath.mpf(1) / 2, k + 1) * mpmath.mpmathify(t) ** (k + mpmath.mpf(1) / 2)
-    return scipy.special.beta(0.5, exponent + 1.0) * np.asarray(t, dtype=np.float64) ** (exponent + 0.5)
-
-
-def power_slip(t: ArrayLike, exponent: float, digits: int | None = None) -> Any:
-    """H(t) for the slip f = τ^k, k = `exponent` > 0: k B(1/2, k) t^(k−1/2); π/2 at all times for f = √τ."""
-    scale = exponent if digits is None else mpmath.mpmathify(exponent)
-    return scale * power(t, exponent - 1.0, digits)
-
-
-def step(t: ArrayLike, jump: float = 1.0, digits: int | None = None) -> Any:
-    """H(t) for a slip that jumps by `jump` (unit of f) at t = 0 and stays: jump·t^(-1/2), the kernel itself; infinite at t = 0."""
-    if digits is not None:
-        with mpmath.workdps(digits + 10):
-            return mpmath.mpmathify(jump) / mpmath.sqrt(mpmath.mpmathify(t))
-    with np.errstate(divide="ignore"):
-        return jump / np.sqrt(np.asarray(t, dtype=np.float64))
-
-
-def _value(s: Any, kernel: Kernel) -> Any:
-    """K(s) in the current mpmath precision."""
-    if isinstance(kernel, BassetKernel):
-        return 1 / mpmath.sqrt(s)
-    assert isinstance(kernel, MeiAdrianKernel)
-    return (1 + (_bend(kernel) * s ** mpmath.mpf("1.5")) ** (1 / mpmath.mpf(kernel.c1))) ** -kernel.c1 / mpmath.sqrt(s)
-
-
-def _bend(kernel: MeiAdrianKernel) -> Any:
-    slip, viscosity = mpmath.mpf(kernel.slip), mpmath.mpf(kernel.viscosity)
-    friction = mpmath.mpf("0.75") + mpmath.mpf(kernel.c2) * slip * mpmath.mpf(kernel.diameter) / viscosity
-    return mpmath.sqrt(mpmath.pi) / 2 * (slip / friction / mpmath.sqrt(viscosity)) ** 3
-
-
-@lru_cache(maxsize=4096)  # the same for rates and slips
-def _panel_moments(k: int, degree: int, kernel: Kernel, precision: int) -> list[Any]:
-    """∫_k^{k+1} K(s) (s−k)^m ds, m = 0 … degree, in the current mpmath precision."""
-    if isinstance(kernel, BassetKernel):
-        low, high = mpmath.sqrt(k), mpmath.sqrt(k + 1)
-        raw = [2 * (high * (k + 1) ** m - low * k**m) / (2 * m + 1) for m in range(degree + 1)]
-        return [sum(math.comb(m, i) * (-k) ** (m - i) * raw[i] for i in range(m + 1)) for m in range(degree + 1)]
-    points = [mpmath.mpf(k), mpmath.mpf(k + 1)]
-    if k == 0 and isinstance(kernel, MeiAdrianKernel):  # follow the bend; the algebraic end is left to tanh-sinh
-        turn = _bend(kernel) ** (-mpmath.mpf(2) / 3) if kernel.slip else mpmath.mpf(1)
-        inner = (turn * mpmath.mpf(10) ** e for e in range(-6, 7, 2))
-        points = [mpmath.mpf(0), *(x for x in inner if x < 1), mpmath.mpf(1)]
-    value = lru_cache(maxsize=None)(lambda s: _value(s, kernel))  # every moment asks for it at the same places
-    return [mpmath.quad(lambda s, m=m: value(s) * (s - k) ** m, points) for m in range(degree + 1)]
-
-
-@lru_cache(maxsize=1024)
-def _lagrange(degree: int, first: int, i: int) -> tuple[list[int], int]:
-    """Whole coefficients, lowest first, and the divisor of the polynomial that is 1 at `first` + i, 0 at the other nodes of `first` to `first` + degree."""
-    polynomial, divisor = [1], 1
-    for m in (m for m in range(degree + 1) if m != i):
-        shifted = [0, *polynomial]
-        polynomial = [shifted[q] - (first + m) * (polynomial[q] if q < len(polynomial) else 0) for q in range(len(shifted))]
-        divisor *= i - m
-    return polynomial, divisor
-
-
-def product_weights(n: int, indices: Iterable[int], degree: int, kernel: Kernel = BassetKernel(), input: str = "rate", digits: int = 40) -> list[Any]:
-    """Exact weights w[j] of product integration of that degree for a unit step, for j in `indices` (0 to n, newest first): mpmath numbers.
-
-    The definition: on panel [k, k+1] the polynomial of degree p through the samples from lag k − ⌊p/2⌋ on, shifted inwards at both ends,
-    integrated against K (for `input` "slip": its derivative in time, and the first sample as a jump). Histories of n < p steps use degree n.
-    For a step dt the weights are these times √dt (for slips 1/√dt), with the kernel's time scale in steps. Enough working digits are added to
-    survive the cancellation.
-    Daitche (2013), J. Comput. Phys. 254, 93; thesis eqs. 5-9 to 5-11.
-
-    >>> [round(float(w), 12) for w in product_weights(1, [0, 1], 1)]  # ∫ s^(-1/2) (1 − s) ds and ∫ s^(1/2) ds
-    [1.333333333333, 0.666666666667]
-    """
-    degree = min(degree, n)
-    wanted = {int(j): mpmath.mpf(0) for j in indices}
-    with mpmath.workdps(digits + 10 + int((degree + 1) * np.log10(n + 10.0)) * isinstance(kernel, BassetKernel)):
-        panels = {k for j in wanted for k in range(max(0, j - 2 * degree), min(n, j + 2 * degree + 1))}
-        for k in sorted(panels):
-            start = min(max(k - degree // 2, 0), n - degree)
-            touched = [i for i in range(degree + 1) if start + i in wanted]
-            if not touched:
-                continue
-            moments = _panel_moments(k, degree, kernel, mpmath.mp.prec)
-            for i in touched:
-                polynomial, divisor = _lagrange(degree, start - k, i)  # in s − k
-                if input == "slip":
-                    polynomial = [-m * c for m, c in enumerate(polynomial)][1:]
-                wanted[start + i] += sum(c * moment for c, moment in zip(polynomial, moments, strict=False)) / divisor
-        if input == "slip" and n in wanted:
-            wanted[n] += _value(mpmath.mpf(n), kernel)
-        return [+wanted[int(j)] for j in indices]
+from basset.reference import _laplace
 
 
 def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, digits: int | None = None) -> Any:
@@ -198,8 +29,8 @@ def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, 
     if integrals not in (0, 1, 2):
         raise ValueError(f"integrals: {integrals!r} given; 0, 1 or 2 is possible")
     if digits is not None:
-        return _responses.settled(lambda: _responses.response_digits(t, rate, coefficient, integrals), digits)
-    return _responses.response(t, rate, coefficient, integrals)
+        return _laplace.settled(lambda: _laplace.response_digits(t, rate, coefficient, integrals), digits)
+    return _laplace.response(t, rate, coefficient, integrals)
 
 
 def relaxing(t: ArrayLike, rate: float, coefficient: float, initial: float = 1.0, digits: int | None = None) -> Any:
@@ -245,7 +76,7 @@ class Bounces:
         initial = self.start if integrals == 2 else 0.0
         if self.digits is not None:
             with mpmath.workdps(2 * self.digits + 25):
-                part = _responses.response_digits
+                part = _laplace.response_digits
                 value = initial - self.gravity * part(t, self.rate, self.coefficient, integrals)
                 for at, jump in zip(self.times, self.jumps, strict=True):
                     if t >= at:
@@ -352,16 +183,16 @@ def oscillating_stream(
             start, drive, time = mpmath.mpmathify(initial_slip), mpmath.mpmathify(amplitude), mpmath.mpmathify(t)
             if not time:
                 return start
-            held = _responses.response_digits(time, rate, coefficient, 0)
+            held = _laplace.response_digits(time, rate, coefficient, 0)
             if not omega:
-                return start * held + drive * _responses.response_digits(time, rate, coefficient, 1)
-            driven = _responses.inverse_digits(_responses.oscillation(rate, coefficient, abs(omega)), time)
+                return start * held + drive * _laplace.response_digits(time, rate, coefficient, 1)
+            driven = _laplace.inverse_digits(_laplace.oscillation(rate, coefficient, abs(omega)), time)
             return start * held + drive * mpmath.re(driven)
 
-        return _responses.settled(compute, digits)
+        return _laplace.settled(compute, digits)
     if not omega:
         return initial_slip * response(t, rate, coefficient) + amplitude * response(t, rate, coefficient, 1)
-    driven = _responses.oscillating(t, float(rate), float(coefficient), abs(float(omega)))
+    driven = _laplace.oscillating(t, float(rate), float(coefficient), abs(float(omega)))
     return initial_slip * response(t, rate, coefficient) + amplitude * driven.real
 
 
@@ -403,7 +234,7 @@ def solid_body_vortex(
         held, moved = (response(t, rate, coefficient, n, digits) for n in (0, 1))
         return VortexMotion(number(position) + number(initial_slip) * moved, number(initial_slip) * held)
 
-    def transform(of_slip: bool) -> _responses.Rational:
+    def transform(of_slip: bool) -> _laplace.Rational:
         def rational() -> tuple[list[Any], list[Any], list[Any] | None]:
             decay, b, share = mpmath.mpmathify(rate), mpmath.mpmathify(coefficient) * mpmath.sqrt(mpmath.pi), mpmath.mpmathify(beta)
             z, w, turn = mpmath.mpmathify(position), mpmath.mpmathify(initial_slip), mpmath.mpc(0, mpmath.mpmathify(omega))
@@ -415,9 +246,9 @@ def solid_body_vortex(
     if digits is not None:
         values = (mpmath.mpmathify(position), mpmath.mpmathify(initial_slip))
         if t:
-            values = tuple(_responses.settled(partial(_responses.inverse_digits, transform(which), t), digits) for which in (False, True))
+            values = tuple(_laplace.settled(partial(_laplace.inverse_digits, transform(which), t), digits) for which in (False, True))
         return VortexMotion(*values)
-    return VortexMotion(_responses.inverse(transform(False), t), _responses.inverse(transform(True), t))
+    return VortexMotion(_laplace.inverse(transform(False), t), _laplace.inverse(transform(True), t))
 
 
 class Oscillator(NamedTuple):
@@ -457,7 +288,7 @@ def bagley_torvik(
     def exact(value: Any) -> Any:
         return mpmath.mpmathify(value)
 
-    def transform(of_velocity: bool) -> _responses.Rational:
+    def transform(of_velocity: bool) -> _laplace.Rational:
         def rational() -> tuple[list[Any], list[Any], list[Any] | None]:
             a, b, c = exact(inertia), exact(damping), exact(stiffness)
             y, v = exact(position) - exact(force) / c, exact(velocity) - exact(ramp) / c
@@ -472,13 +303,13 @@ def bagley_torvik(
         if not time:
             return exact(velocity if of_velocity else position)
         if not stiffness:
-            free = exact(force) / a * _responses.response_digits(time, 0, exact(damping) / a / mpmath.sqrt(mpmath.pi), 1 if of_velocity else 2)
+            free = exact(force) / a * _laplace.response_digits(time, 0, exact(damping) / a / mpmath.sqrt(mpmath.pi), 1 if of_velocity else 2)
             return free + (exact(velocity) if of_velocity else exact(position) + exact(velocity) * time)
         steady = exact(ramp) / c if of_velocity else (exact(force) + exact(ramp) * time) / c
-        return steady + mpmath.re(_responses.inverse_digits(transform(of_velocity), time))
+        return steady + mpmath.re(_laplace.inverse_digits(transform(of_velocity), time))
 
     if digits is not None:
-        return Oscillator(*(_responses.settled(partial(moved, of_velocity, t), digits) for of_velocity in (False, True)))
+        return Oscillator(*(_laplace.settled(partial(moved, of_velocity, t), digits) for of_velocity in (False, True)))
     times = np.asarray(t, dtype=np.float64)
     if not stiffness:
         drag = damping / inertia / np.sqrt(np.pi)
@@ -487,9 +318,9 @@ def bagley_torvik(
     answer = []
     for of_velocity in (False, True):
         still = np.broadcast_to(ramp / stiffness if of_velocity else (force + ramp * times) / stiffness, times.shape)
-        value = np.array(still + _responses.inverse(transform(of_velocity), times).real)
+        value = np.array(still + _laplace.inverse(transform(of_velocity), times).real)
         for i in np.argwhere((200.0 * np.abs(value) < np.abs(still)) & (times > 0.0)):  # near the start, rest and equilibrium cancel
             at = tuple(i)
-            value[at] = float(_responses.settled(partial(moved, of_velocity, float(times[at])), 17))
+            value[at] = float(_laplace.settled(partial(moved, of_velocity, float(times[at])), 17))
         answer.append(value[()])
     return Oscillator(*answer)

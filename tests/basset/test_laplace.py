@@ -9,7 +9,8 @@ import pytest
 import scipy.integrate
 import scipy.special
 
-from basset import _responses, reference
+from basset import reference
+from basset.reference import _laplace
 
 EQUAL = math.pi / 4  # λ = πc²/4 with c = 1: both roots −√π/2
 CASES = {
@@ -110,7 +111,7 @@ def test_relaxing_satisfies_its_equation(name):
     with mpmath.workdps(25):
 
         def y(time):
-            return _responses.response_digits(time, rate, c, 0)
+            return _laplace.response_digits(time, rate, c, 0)
 
         def slope(time):  # y' = −λy − c·H: differentiate instead, the equation is what is tested
             return mpmath.diff(y, time, h=mpmath.mpf(10) ** -10 * time)

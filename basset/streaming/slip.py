@@ -3,11 +3,11 @@
 H(t) = Σ_j Δ_j K(t − t_j; U) + ∫ K(t − τ; U) g(τ) dτ with the Mei–Adrian family's K(s; U). The literature is ambiguous
 whether U is the slip at t or at τ; both are offered.
 
-* Daitche and Windowed (without tail): the direct sum, product integration with the kernel of each slip. The reference:
-  exact weights, a fraction of a millisecond per sample and distinct slip.
-* Exponential: the newest panels alike, all older ones by exponentials that decay as ever and whose weights follow the
-  slip at t (`basset.spectrum`; `basset.solve` does the same): constant memory, and the promised error against the direct
-  sum, down to some 1e-11.
+* A recipe without a sum of exponentials: the direct sum, with the weights of the kernel of each slip. The reference: exact
+  weights, a fraction of a millisecond per sample and distinct slip.
+* A recipe with one, such as Exponential's: the newest panels alike, all older ones by exponentials that decay as ever and
+  whose weights follow the slip at t (`basset.spectrum`; `basset.solve` does the same): constant memory, and the promised
+  error against the direct sum, down to some 1e-11.
 
 Outside their validity (flow reversal, a sphere that nearly stops) the kernels' s^(-2) tail is too fast (Lawrence & Mei 1995):
 slips below the kernel's range are taken at its end, and counted.
@@ -16,7 +16,6 @@ slips below the kernel's range are taken at its end, and counted.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -25,96 +24,12 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset._compile import placed
-from basset._states import owned, steps_to
 from basset.exponentials import ExponentialSum
-from basset.kernels import Floats, MeiAdrianKernel, gauss_legendre
-from basset.quadrature.base import FullRule, Rule, WeightTable
-from basset.quadrature.exponential import Exponential
-from basset.quadrature.product import Daitche, lagrange
-from basset.quadrature.windowed import Windowed
-from basset.spectrum import SlipTable, grid_of, pieces, slip_table, weights_at
-
-__all__ = ["VaryingPlan", "VaryingSlipKernel", "VaryingState"]
-
-
-@dataclass(frozen=True)
-class VaryingSlipKernel:
-    """The Mei–Adrian family with a slip that varies in time; pass it to `rule.plan` and `slip=` to the plan's methods.
-
-    Parameters
-    ----------
-    diameter : float, m
-    viscosity : float, m²/s
-    slip_range : (float, float), m/s
-        The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is taken at the
-        nearer end and counted (`plan.outside`).
-    slip_at : {"t", "tau"}
-        Whether the kernel is that of the slip now or of the slip when the rate acted. Exponential takes "t" only.
-    c1, c2 : float, dimensionless
-        As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is out of range.
-
-    References
-    ----------
-    Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833.
-
-    Examples
-    --------
-    >>> kernel = VaryingSlipKernel(diameter=1e-3, viscosity=1e-6, slip_range=(1e-3, 1.0))
-    >>> bool(np.isclose(kernel.steepness(np.array([0.1]))[0], kernel.at(0.1).steepness))
-    True
-    """
-
-    diameter: float
-    viscosity: float
-    slip_range: tuple[float, float]
-    slip_at: str = "t"
-    c1: float = 2.0
-    c2: float = 0.105
-
-    def __post_init__(self) -> None:
-        try:
-            low, high = self.slip_range
-        except (TypeError, ValueError):
-            raise TypeError(f"slip_range must be a pair (low, high) in m/s, got {_validate.shown(self.slip_range)}") from None
-        low, high = _validate.positive("slip_range[0]", low, "m/s"), _validate.positive("slip_range[1]", high, "m/s")
-        if high <= low:
-            raise ValueError("slip_range must rise, got ({}, {}) m/s".format(*_validate.apart(low, high)))
-        object.__setattr__(self, "slip_range", (low, high))
-        _validate.choice("slip_at", self.slip_at, ("t", "tau"))
-        for slip in (low, high):
-            self.at(slip)
-
-    def at(self, slip: float) -> MeiAdrianKernel:
-        """The kernel of one slip.
-
-        Parameters
-        ----------
-        slip : float, m/s
-
-        Returns
-        -------
-        MeiAdrianKernel
-        """
-        return MeiAdrianKernel(slip, self.diameter, self.viscosity, self.c1, self.c2)
-
-    def steepness(self, slip: Floats) -> Floats:
-        """C(U), elementwise, as MeiAdrianKernel.steepness.
-
-        Parameters
-        ----------
-        slip : ndarray (...), m/s
-
-        Returns
-        -------
-        ndarray (...), s^(-3/2)
-        """
-        friction = 0.75 + self.c2 * slip * self.diameter / self.viscosity
-        return np.asarray(0.5 * math.sqrt(math.pi) * (slip / friction / math.sqrt(self.viscosity)) ** 3)
+from basset.kernels import Floats, MeiAdrianKernel, VaryingSlipKernel, gauss_legendre
+from basset.spectrum import SlipTable, grid_of, pieces, slip_table
+from basset.streaming.state import beyond, owned, sample_of
+from basset.weights.polynomials import lagrange
+from basset.weights.table import Recipe, Stencil, WeightTable
 
 
 class VaryingState(NamedTuple):
@@ -145,13 +60,11 @@ class VaryingPlan:
 
     _widths: tuple[int, int]  # lags and memory kept per component
 
-    def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
-        self.rule, self.kernel = rule, kernel
-        self.dt = _validate.positive("dt", dt, "seconds")
-        self.steps = steps_to(_validate.positive("horizon", horizon, "seconds"), self.dt)
+    def __init__(self, recipe: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel) -> None:
+        self.recipe, self.dt, self.steps, self.kernel = recipe, dt, steps, kernel
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return plan, (self.rule, self.dt, self.steps * self.dt, self.kernel)  # a copy has its own addresses for compiled code
+        return plan, (self.recipe, self.dt, self.steps, self.kernel)  # a copy has its own addresses for compiled code
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
         """H at every row of rates (steps, components); bends are the unit-step C'."""
@@ -166,9 +79,7 @@ class VaryingPlan:
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
         """Accept a block of rates (steps, *shape) with the slips at the same nodes, in place; H (steps, *shape) at each."""
-        from basset.evaluate import _converted
-
-        rates = _converted("G", G)
+        rates = _validate.real_array("G", G)
         shape = state.history.shape
         if rates.ndim == 0 or rates.shape[1:] != shape:
             raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
@@ -176,10 +87,8 @@ class VaryingPlan:
         owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory})
         node, steps = int(state.counters[0]), len(rates)
         if node + steps > self.steps + 1:
-            raise ValueError(
-                f"horizon must cover the stream: it was planned for {self.steps} steps of {self.dt:g} s after the first sample, got step {node + steps - 1}"
-            )
-        slips = _converted("slip", slip)
+            raise beyond(self.steps, self.dt, node + steps - 1)
+        slips = _validate.real_array("slip", slip)
         if slips.ndim == 0 or len(slips) != steps or slips.shape[1:] not in ((), shape[:-1], shape):
             raise ValueError(f"slip must have the shape ({steps},), {(steps, *shape[:-1])} or {(steps, *shape)}, got {slips.shape}")
         for name, values in (("G", rates), ("slip", slips)):
@@ -200,9 +109,7 @@ class VaryingPlan:
 
     def push(self, state: VaryingState, g: ArrayLike, slip: ArrayLike) -> None:
         """Accept the next rate and the slip there, in place."""
-        from basset.evaluate import _converted
-
-        self.run(state, _converted("g", g)[None], _converted("slip", slip)[None])
+        self.run(state, _validate.real_array("g", g)[None], _validate.real_array("slip", slip)[None])
 
     def value(self, state: VaryingState, slip: ArrayLike | None = None) -> Any:
         """H at the newest node, of the slip that was given with its sample (`slip` need not be repeated); 0 after the first push."""
@@ -224,8 +131,6 @@ class VaryingPlan:
 
     def jump(self, state: VaryingState, delta: ArrayLike, age: float = 0.0, g: ArrayLike | None = None) -> None:
         """Remember a jump of f at the newest node, in place: it adds delta·K from the next node on; g as in `Plan.jump`, age 0 only."""
-        from basset.evaluate import _converted
-
         if _validate.non_negative("age", age, "seconds") > 0.0:
             raise ValueError(f"age must be 0 for a kernel whose slip varies (jumps are at nodes), got {age:g}")
         if not state.counters[0]:
@@ -233,12 +138,7 @@ class VaryingPlan:
         for name, value in (("delta", delta), ("g", g)):
             if value is None:
                 continue
-            values = _converted(name, value)
-            if values.ndim and values.shape != state.history.shape:
-                raise ValueError(f"{name} must have the shape {state.history.shape} of one sample, got {values.shape}")
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
-            column = np.broadcast_to(values, state.history.shape).ravel()
+            column = sample_of(name, value, state.history.shape, number=True).ravel()
             if name == "delta":
                 self._impulse(state, column)
             else:
@@ -258,15 +158,13 @@ class VaryingPlan:
 class DirectPlan(VaryingPlan):
     """The direct sum over the window (or the whole history) with exact weights for every slip."""
 
-    def __init__(self, rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
-        super().__init__(rule, dt, horizon, kernel)
-        self._base: FullRule = rule._remembered
-        window = rule._window_steps(self.dt)
-        self._window = self.steps if window is None else min(window, self.steps)
+    def __init__(self, recipe: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel) -> None:
+        super().__init__(recipe, dt, steps, kernel)
+        self._window = recipe.used(steps)
         self._widths = self._window + 1, self._window + 1 if kernel.slip_at == "tau" else 0
 
     def _table(self, bend: float) -> WeightTable:
-        return _slip_table(self._base, bend, self.kernel.c1)
+        return _slip_table(self.recipe.stencil, bend, self.kernel.c1)
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
         history = np.zeros_like(rates)
@@ -301,16 +199,16 @@ class DirectPlan(VaryingPlan):
 
     def _column(self, i: int, bend: float) -> Floats:
         """Weights of sample i at nodes i … i + window."""
-        base, table, window = self._base, self._table(bend), self._window
+        stencil, table, window = self.recipe.stencil, self._table(bend), self._window
         result = table.interior(window + 1)[::-1].copy()
         nodes = i + np.arange(window + 1)
-        early = nodes[nodes < min(base._first, window + 1)]
+        early = nodes[nodes < min(stencil.first, window + 1)]
         for n in early:
             result[n - i] = table.row(n)[0][i] if n else 0.0
-        if i < base._reach:
-            rows = nodes[(nodes >= base._first) & (nodes <= window)]
+        if i < stencil.reach:
+            rows = nodes[(nodes >= stencil.first) & (nodes <= window)]
             if len(rows):
-                result[rows - i] = base._oldest(rows, table._kernel, "rate")[:, i]
+                result[rows - i] = stencil.oldest(rows, table._kernel, "rate")[:, i]
         edge = np.concatenate(table.row(window))[::-1]
         full = nodes >= max(window, 1)
         result[full] = edge[full]
@@ -352,53 +250,37 @@ class Memory(NamedTuple):
 class SumPlan(VaryingPlan):
     """A sum of exponentials (`tail_sum`, for the Basset kernel) whose weights follow the slip, beyond a window with the kernel of the slip at t."""
 
-    def __init__(self, rule: Exponential, dt: float, horizon: float, kernel: VaryingSlipKernel) -> None:
-        super().__init__(rule, dt, horizon, kernel)
+    def __init__(self, recipe: Recipe, tail: ExponentialSum, dt: float, steps: int, kernel: VaryingSlipKernel) -> None:
+        super().__init__(recipe, dt, steps, kernel)
         if kernel.slip_at != "t":
-            raise ValueError(f"slip_at must be 't' for Exponential, got {kernel.slip_at!r}: the weights of its sum follow the slip now; use Windowed")
-        degree, window, fine = rule.order, rule.order // 2 + 1, rule.rtol < 1e-8
+            raise ValueError(f"slip_at must be 't' for a sum of exponentials, got {kernel.slip_at!r}: its weights follow the slip now; take a rule without")
+        degree, window, fine = recipe.degree, recipe.window, (tail.rtol or 0.0) < 1e-8
+        if not degree or window != degree // 2 + 1:
+            raise ValueError(f"window must be {degree // 2 + 1} steps beside a sum of exponentials and a slip that varies, got {window}")
         reach, log_step = max(self.steps, 2 * window) * self.dt, math.log(self.dt)
         low, high = (float(clock) for clock in _clocks(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
-        self.tail_sum = _sum(window * self.dt, reach, rule.rtol, kernel.c1, low - log_step, high - log_step)
-        table, rates = slip_table(self.tail_sum, kernel.c1, reach, fine), self.tail_sum.rates * self.dt
-        tail = table._replace(weights=table.weights * math.sqrt(self.dt), log_rates=table.log_rates + log_step, values=table.values.copy())
+        self.tail_sum = tail
+        table, rates = slip_table(tail, kernel.c1, reach, fine), tail.rates * self.dt
+        following = table._replace(weights=table.weights * math.sqrt(self.dt), log_rates=table.log_rates + log_step, values=table.values.copy())
         x, w = gauss_legendre(64)
         decayed = np.exp(-rates[:, None] * x) * w
         panels = [np.exp(-rates[:, None] * k) * (decayed @ lagrange(np.arange(1.0, degree + 2.0), k + x)[0]) for k in range(window, degree + 1)]
         entering = np.stack([np.sum(panels, axis=0), panels[0]])
         local = _local(degree, kernel.c1, low, high, fine)
-        self._memory = placed(Memory(kernel.c1, math.sqrt(self.dt), -np.expm1(-rates), np.exp(-rates * window), entering, tail, local))
-        self._widths = degree + 2, len(self.tail_sum)
+        self._memory = placed(Memory(kernel.c1, math.sqrt(self.dt), -np.expm1(-rates), np.exp(-rates * window), entering, following, local))
+        self._widths = degree + 2, len(tail)
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
-        from basset import _stream
+        from basset.streaming import _loops
 
         history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
-        _stream.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
+        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
         return history
 
 
 def _clocks(bends: Floats) -> Floats:
     """Ln C^(2/3)."""
     return np.asarray(2.0 / 3.0 * np.log(np.maximum(bends, 1e-300)))
-
-
-def _sum(near: float, horizon: float, rtol: float, c1: float, low: float, high: float) -> ExponentialSum:
-    """A short Basset sum whose weights, following a slip with ln C^(2/3) from `low` to `high`, keep `rtol` of K(s; C) from near to the horizon."""
-    lags, stretches = np.geomspace(near, horizon, 300), np.exp(np.linspace(low, high, 30))
-    kernel = (1.0 + (stretches[:, None] * lags) ** (1.5 / c1)) ** -c1 / np.sqrt(lags)
-    error = math.inf
-    for share in 10.0 ** np.arange(-0.5, -5.0, -0.5):  # of rtol that it keeps for the Basset kernel
-        try:
-            found = ExponentialSum.fit(near, 10.0 * horizon, rtol * share)
-        except ValueError:
-            if error == math.inf:
-                raise
-            break
-        error = np.abs(weights_at(found, stretches, c1, horizon) @ np.exp(-np.outer(found.rates, lags)) / kernel - 1.0).max()
-        if error <= 0.9 * rtol:
-            return found
-    raise ValueError(f"rtol must be at least {1.2 * error:.1g} for that step, horizon and slip_range, got {rtol:g}")
 
 
 @lru_cache(maxsize=32)
@@ -430,15 +312,13 @@ def _unit_kernel(bend: float, c1: float) -> MeiAdrianKernel:
 
 
 @lru_cache(maxsize=64)
-def _slip_table(base: FullRule, bend: float, c1: float) -> WeightTable:
+def _slip_table(stencil: Stencil, bend: float, c1: float) -> WeightTable:
     """Weights for the unit-step steepness C': whatever slip, diameter and viscosity gave it."""
-    return WeightTable(base, _unit_kernel(bend, c1), "rate")
+    return WeightTable(stencil, _unit_kernel(bend, c1), "rate")
 
 
-def plan(rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> VaryingPlan:
-    """The stream of a rule for a slip that varies; ValueError if the rule has no such form."""
-    if isinstance(rule, Exponential):
-        return SumPlan(rule, dt, horizon, kernel)
-    if isinstance(rule, Daitche) or (isinstance(rule, Windowed) and rule.tail is None and isinstance(rule.rule, Daitche)):
-        return DirectPlan(rule, dt, horizon, kernel)
-    raise ValueError(f"rule must be Daitche, Windowed(Daitche) without tail, or Exponential for a slip that varies, got {_validate.shown(rule)}")
+def plan(recipe: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel) -> VaryingPlan:
+    """The stream of a recipe for a slip that varies."""
+    if recipe.tail is None:
+        return DirectPlan(recipe, dt, steps, kernel)
+    return SumPlan(recipe, recipe.tail, dt, steps, kernel)

@@ -16,14 +16,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from basset import _validate
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.quadrature.base import FullRule
+from basset.weights.table import Stencil, table
 
 GAUSS = 16
 FAR = 512  # beyond this lag a weight is a filter over kernel values: with TAPS values the error is below 1e-16
@@ -169,72 +167,33 @@ def oldest_filter(degree: int) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True)
-class Daitche(FullRule):
-    """Product integration of degree p: the rate through p+1 neighbouring samples, integrated exactly.
+class Product(Stencil):
+    """Product integration of one degree: the rate through degree + 1 neighbouring samples, integrated exactly."""
 
-    Error h^(p+1) for a smooth rate. With slip samples the interpolant of f is differentiated: error h^(p+1/2). A rate
-    or slip with a √t start (the response to a jump) limits every rule on a uniform grid: error h^(3/2) at a fixed time
-    for f = √t, whatever p; give jumps through `initial_slip` instead. Histories of n < p steps use degree n.
-
-    Panel [k, k+1] (in lags) uses samples from lag k − ⌊p/2⌋ on, shifted inwards at both ends: for p = 1, 2, 3 these are
-    Daitche's published coefficients of second, third and fourth error order, without their cancellation.
-
-    Parameters
-    ----------
-    order : int
-        Degree p, 1 to 10.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the order is not a whole number from 1 to 10.
-
-    References
-    ----------
-    Daitche (2013), J. Comput. Phys. 254, 93; thesis eqs. 5-9 to 5-11.
-
-    Examples
-    --------
-    >>> Daitche(order=1).weights(2, 1.0).round(4)
-    array([1.3333, 1.1046, 0.3905])
-    """
-
-    order: int = 3
-
-    name: ClassVar[str] = "daitche"
-    references: ClassVar[tuple[str, ...]] = ("Daitche (2013), J. Comput. Phys. 254, 93",)
+    degree: int
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """Both: rates, and slips as in Daitche's own form."""
-        return ("rate", "slip")
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "order", _validate.integer("order", self.order, 1, MAXIMUM_ORDER))
+    def reach(self) -> int:
+        """Degree + 1."""
+        return self.degree + 1
 
     @property
-    def error_order(self) -> float:
-        """One more than the degree, p + 1."""
-        return self.order + 1.0
+    def first(self) -> int:
+        """Twice the degree, and 1."""
+        return 2 * self.degree + 1
 
-    @property
-    def _reach(self) -> int:
-        return self.order + 1
+    def short(self, n: int, kernel: Kernel, input: str) -> Floats:
+        """Panel by panel."""
+        return row_by_panels(n, self.degree, kernel, input)
 
-    @property
-    def _first(self) -> int:
-        return 2 * self.order + 1
-
-    def _short(self, n: int, kernel: Kernel, input: str) -> Floats:
-        return row_by_panels(n, self.order, kernel, input)
-
-    def _interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
+    def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
+        """Panel integrals near the newest sample, a filter over kernel values beyond."""
         result = np.empty(stop - start)
         if start < FAR:
             near = self._near(kernel, input)[start : min(stop, FAR)]
             result[: len(near)] = near
         sampled = kernel._values if input == "rate" else kernel._derivatives
-        coefficients = interior_filter(self.order)
+        coefficients = interior_filter(self.degree)
         half = TAPS // 2
         for low in range(max(start, FAR), stop, CHUNK):
             high = min(low + CHUNK, stop)
@@ -244,7 +203,7 @@ class Daitche(FullRule):
 
     def _near(self, kernel: Kernel, input: str) -> Floats:
         """Interior weights 0 … FAR−1 from panel integrals."""
-        degree, centre = self.order, self.order // 2
+        degree, centre = self.degree, self.degree // 2
         panels = FAR + centre
         x, w = gauss_legendre(GAUSS)
         basis = panel_basis(degree)[0][centre]
@@ -263,17 +222,39 @@ class Daitche(FullRule):
             result[1] += kernel._values(np.array([1.0]))[0]
         return result[:FAR]
 
-    def _oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
-        lags, basis = oldest_basis(self.order)
+    def oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
+        """From the panels that reach those samples."""
+        lags, basis = oldest_basis(self.degree)
         sampled = kernel._values if input == "rate" else kernel._derivatives
         return np.asarray(sampled(n[:, None] + lags) @ basis)
 
     @property
-    def _far(self) -> float:
+    def far(self) -> float:
+        """As for the interior."""
         return FAR
 
-    def _oldest_sum(self, first: int, last: int, samples: Floats, kernel: Kernel, input: str) -> Floats:
-        taps, coefficients = oldest_filter(self.order)
+    def oldest_sum(self, first: int, last: int, samples: Floats, kernel: Kernel, input: str) -> Floats:
+        """By a filter over kernel values."""
+        taps, coefficients = oldest_filter(self.degree)
         sampled = kernel._values if input == "rate" else kernel._derivatives
         values = sampled(np.arange(first + taps[0], last + taps[-1] + 1))
         return np.stack([filtered(values, column) for column in (coefficients @ samples).T], axis=1)
+
+    def inside(self, window: int, lags: int, kernel: Kernel) -> Floats:
+        """Of the panels inside the window, none shifted at its old end."""
+        degree, centre = self.degree, self.degree // 2
+        local = np.zeros(max(lags, degree) + 1)
+        first = 0
+        if window > 4 * degree + 4:  # samples whose panels all lie inside have the whole-history weights
+            whole = window - centre
+            local[:whole] = table(self, kernel, "rate").interior(whole)[::-1]
+            first = whole - degree
+        integrals = panel_integrals(first, window, degree, kernel)
+        edge = np.zeros_like(local)
+        for k in range(first, window):
+            start = max(k - centre, 0)
+            edge[start : start + degree + 1] += integrals[k - first, k - start]
+        if first:
+            local[whole:] = edge[whole:]
+            return local
+        return edge

@@ -1,0 +1,374 @@
+"""The floor under every rule: its weights for a unit step, the recipe that it answers with, and the table that keeps what was built.
+
+All weights but the oldest few are the same whatever n is. A `Stencil` gives those (`interior`), the few that depend on where
+the history begins (`oldest`), and whole rows for histories too short to have an interior (`short`), all for a unit step;
+scaling, keeping and assembly are done here, once. The split into rules and corrections at the beginning: Lubich (1986),
+SIAM J. Math. Anal. 17, 704, for convolution quadratures; this library for the others.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from basset.exponentials import ExponentialSum
+from basset.kernels import Floats, Kernel
+
+INPUTS = ("rate", "slip")
+
+
+@dataclass(frozen=True)
+class Stencil(abc.ABC):
+    """Weights over the whole history for a unit step; `n` counts steps, `kernel` is already scaled to the step.
+
+    A subclass with parameters is a frozen dataclass: tables of weights are kept by its value.
+
+    Examples
+    --------
+    >>> import basset
+    >>> from basset.weights.polynomials import Product
+    >>> stencil, kernel = Product(1), basset.BassetKernel()
+    >>> stencil.reach, stencil.first
+    (2, 3)
+    >>> stencil.interior(0, 2, kernel, "rate").round(4), stencil.oldest(np.array([3]), kernel, "rate").round(4)
+    (array([1.3333, 1.1046]), array([[0.3071, 0.7191]]))
+    >>> stencil.short(1, kernel, "rate").round(4), stencil.inside(1, 2, kernel).round(4)
+    (array([1.3333, 0.6667]), array([1.3333, 0.6667, 0.    ]))
+    >>> stencil.oldest_sum(600, 601, np.ones((2, 1)), kernel, "rate").round(4)[:, 0]  # beyond the panels of both samples
+    array([0.0613, 0.0612])
+    """
+
+    @property
+    def reach(self) -> int:
+        """How many of the oldest samples have weights that depend on where the history begins."""
+        return 1
+
+    @property
+    def first(self) -> int:
+        """The smallest n ≥ 1 whose row splits into interior and oldest; at least reach − 1."""
+        return 1
+
+    @abc.abstractmethod
+    def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
+        """Interior weights w[start:stop], newest first.
+
+        Parameters
+        ----------
+        start, stop : int
+            Lags in steps.
+        kernel : Kernel
+            Its time scale in steps.
+        input : {"rate", "slip"}
+            What the samples are.
+
+        Returns
+        -------
+        ndarray (stop − start,), dimensionless
+        """
+
+    @abc.abstractmethod
+    def oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
+        """Weights of the `reach` oldest samples, oldest first, for each n ≥ first.
+
+        Parameters
+        ----------
+        n : ndarray (k,), dimensionless
+            Steps.
+        kernel : Kernel
+        input : {"rate", "slip"}
+            As `interior`.
+
+        Returns
+        -------
+        ndarray (k, reach), dimensionless
+        """
+
+    def short(self, n: int, kernel: Kernel, input: str) -> Floats:
+        """The whole row, newest first, for 1 ≤ n < first; to be given where first is above 1.
+
+        Parameters
+        ----------
+        n : int
+        kernel : Kernel
+        input : {"rate", "slip"}
+            As `oldest`.
+
+        Returns
+        -------
+        ndarray (n+1,), dimensionless
+        """
+        raise AssertionError(f"{type(self).__name__} splits every row")
+
+    @property
+    def far(self) -> float:
+        """From this n on `oldest_sum` is cheaper than rows of `oldest`, dimensionless; infinite where there is no such short cut."""
+        return math.inf
+
+    def oldest_sum(self, first: int, last: int, samples: Floats, kernel: Kernel, input: str) -> Floats:
+        """What the oldest samples add at nodes n = first … last, first ≥ far.
+
+        Parameters
+        ----------
+        first, last : int
+        samples : ndarray (reach, columns)
+            In any unit.
+        kernel : Kernel
+        input : {"rate", "slip"}
+            As `oldest`.
+
+        Returns
+        -------
+        ndarray (last − first + 1, columns), unit of the samples
+        """
+        raise AssertionError(f"{type(self).__name__} has no short cut for the oldest samples")
+
+    def inside(self, window: int, lags: int, kernel: Kernel) -> Floats:
+        """Weights on rates, newest first, of the newest `window` steps where a sum of exponentials stands for what is older.
+
+        Here those of a history that begins at the window's end; polynomials that reach beyond it may do better.
+
+        Parameters
+        ----------
+        window, lags : int
+            Steps of the window; the largest lag that may be touched.
+        kernel : Kernel
+            Its time scale in steps.
+
+        Returns
+        -------
+        ndarray (lags+1,), dimensionless
+        """
+        result = np.zeros(lags + 1)
+        result[: window + 1] = np.concatenate(table(self, kernel, "rate").row(window))[::-1]
+        return result
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a rule does at one step size: all that evaluation, streams and solvers have to know of it.
+
+    Parameters
+    ----------
+    stencil : Stencil
+        The weights of the remembered steps.
+    window : int or None
+        Whole steps that are remembered; None for all of them.
+    tail : ExponentialSum or None
+        What stands for the kernel beyond the window; None drops it.
+    degree : int
+        Of the polynomials through the samples that do the stencil justice where it does not reach: beyond the window, and at
+        a jump. 0: a jump of the rate is averaged (first order), and straight lines go beyond the window.
+
+    Examples
+    --------
+    >>> import basset
+    >>> recipe = basset.Exponential(order=3).recipe(0.1, 10.0, basset.BassetKernel())
+    >>> recipe.window, recipe.degree, recipe.used(1), recipe.used(100), recipe.lags
+    (2, 3, 1, 2, 4)
+    >>> recipe.within(4).window is None
+    True
+    """
+
+    stencil: Stencil
+    window: int | None = None
+    tail: ExponentialSum | None = None
+    degree: int = 0
+
+    def used(self, n: int) -> int:
+        """How many of n steps are remembered with the kernel itself.
+
+        Parameters
+        ----------
+        n : int
+
+        Returns
+        -------
+        int
+        """
+        return n if self.window is None else min(n, self.window)
+
+    @property
+    def lags(self) -> int:
+        """Largest lag that a panel leaving the window touches."""
+        return (self.window or 0) + (max(1, self.degree) + 1) // 2
+
+    def within(self, steps: int) -> Recipe:
+        """The recipe for so many steps: the whole history where the tail would have nothing to stand for.
+
+        Parameters
+        ----------
+        steps : int
+
+        Returns
+        -------
+        Recipe
+        """
+        return Recipe(self.stencil, degree=self.degree) if self.tail is not None and steps <= self.lags else self
+
+
+def step_factor(dt: float, input: str) -> float:
+    """What turns unit-step weights into weights for `dt`: √dt on rates, 1/√dt on slips."""
+    return float(np.sqrt(dt)) if input == "rate" else float(1.0 / np.sqrt(dt))
+
+
+class WeightTable:
+    """The unit-step weights of one stencil and kernel, built as far as they were asked for; oldest first, as samples lie."""
+
+    remembered_rows = 1024
+
+    def __init__(self, stencil: Stencil, kernel: Kernel, input: str) -> None:
+        self._stencil, self._kernel, self._input = stencil, kernel, input
+        self._built = np.empty(0)  # interior weights, reversed: the newest is the last
+        self._near: Floats = np.empty((0, stencil.reach))
+        self._rows: OrderedDict[int, Floats] = OrderedDict()
+        self._spectrum: tuple[int, int, NDArray[np.complex128]] | None = None
+        self._lock = threading.RLock()
+        self.nbytes = 0
+        self.grown = False  # since the cache was last trimmed
+
+    def _grew(self, array: NDArray[Any], instead_of: int = 0) -> None:
+        self.nbytes += array.nbytes - instead_of
+        self.grown = True
+
+    def interior(self, count: int) -> Floats:
+        """The `count` newest interior weights, the newest last: a view, a prefix of what is kept."""
+        with self._lock:
+            have = len(self._built)
+            if count > have:
+                size = max(count, min(2 * have, have + (1 << 20)))
+                grown = np.empty(size)
+                grown[size - have :] = self._built
+                grown[: size - have] = self._stencil.interior(have, size, self._kernel, self._input)[::-1]
+                self._grew(grown, self._built.nbytes)
+                self._built = grown
+            return self._built[len(self._built) - count :]
+
+    def row(self, n: int) -> tuple[Floats, Floats]:
+        """(oldest, body) with H = Σ oldest·g[:len(oldest)] + Σ body·g[len(oldest):]; both oldest first."""
+        stencil = self._stencil
+        with self._lock:
+            oldest = self._rows.get(n)
+            if oldest is None:
+                if n < stencil.first:
+                    oldest = stencil.short(n, self._kernel, self._input)[::-1].copy()
+                else:
+                    oldest = stencil.oldest(np.array([n]), self._kernel, self._input)[0]
+                self._rows[n] = oldest
+                dropped = self._rows.popitem(last=False)[1].nbytes if len(self._rows) > self.remembered_rows else 0
+                self._grew(oldest, dropped)
+        return oldest, self.interior(n + 1 - len(oldest))
+
+    def trajectory(self, samples: Floats) -> Floats:
+        """Σ w g at every node for samples (n+1, columns), unit step; row 0 is zero. O(n log n) by one FFT convolution."""
+        stencil, n = self._stencil, len(samples) - 1
+        first, reach = stencil.first, stencil.reach
+        result = np.zeros_like(samples)
+        for k in range(1, min(first, n + 1)):
+            result[k] = self.row(k)[0] @ samples[: k + 1]
+        if n < first:
+            return result
+        count = n + 1 - reach  # samples with interior weights in the last row
+        if count:
+            import scipy.fft  # takes longer to import than all of this package
+
+            size = scipy.fft.next_fast_len(2 * count - 1, real=True)
+            product = scipy.fft.rfft(samples[reach:], size, axis=0) * self._transformed(count, size)[:, None]
+            result[first:] = scipy.fft.irfft(product, size, axis=0)[first - reach : count]
+        near = int(min(n, stencil.far - 1))
+        result[first : near + 1] += self.oldest_rows(near) @ samples[:reach]
+        if n > near:
+            result[near + 1 :] += stencil.oldest_sum(near + 1, n, samples[:reach], self._kernel, self._input)
+        return result
+
+    def oldest_rows(self, last: int) -> Floats:
+        """Weights of the oldest samples for every row from the first that splits to `last`."""
+        count = last + 1 - self._stencil.first
+        with self._lock:
+            if len(self._near) < count:
+                near = self._stencil.oldest(np.arange(self._stencil.first, last + 1), self._kernel, self._input)
+                self._grew(near, self._near.nbytes)
+                self._near = near
+            return self._near[:count]
+
+    def _transformed(self, count: int, size: int) -> NDArray[np.complex128]:
+        with self._lock:
+            if self._spectrum is None or self._spectrum[:2] != (count, size):
+                import scipy.fft
+
+                spectrum = scipy.fft.rfft(self.interior(count)[::-1], size)
+                self._grew(spectrum, self._spectrum[2].nbytes if self._spectrum else 0)
+                self._spectrum = (count, size, spectrum)
+            return self._spectrum[2]
+
+
+def filtered_by(row: Floats, columns: Floats) -> Floats:
+    """Σ row·columns over every full window of columns (nodes, k), by FFT; `row` oldest first, as the nodes."""
+    from scipy.signal import oaconvolve  # takes half a second to import
+
+    return np.asarray(oaconvolve(columns, row[::-1, None], mode="valid", axes=0))
+
+
+class Sized(Protocol):
+    """Anything that tells how many bytes it holds."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held now; may grow between uses."""
+        ...
+
+
+Entry = TypeVar("Entry", bound=Sized)
+
+
+class ByteCache(Generic[Entry]):
+    """Entries by key, the least recently used dropped first once they hold more than `limit` bytes together.
+
+    An entry that alone exceeds the limit is used and dropped. Safe to share between threads.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self._entries: OrderedDict[Hashable, Entry] = OrderedDict()
+        self._lock = threading.Lock()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held by all entries."""
+        return sum(entry.nbytes for entry in self._entries.values())
+
+    def get(self, key: Hashable, make: Callable[[], Entry]) -> Entry:
+        """The entry for `key`, made if it is not there."""
+        with self._lock:
+            entry = self._entries.get(key)
+            if entry is None:
+                entry = self._entries[key] = make()
+            else:
+                self._entries.move_to_end(key)
+            return entry
+
+    def trim(self) -> None:
+        """Drop the least recently used entries until the limit is kept; called after an entry has grown."""
+        with self._lock:
+            while self._entries and self.nbytes > self.limit:
+                self._entries.popitem(last=False)
+
+    def clear(self) -> None:
+        """Forget everything: the next use builds its weights anew."""
+        with self._lock:
+            self._entries.clear()
+
+
+TABLES: ByteCache[WeightTable] = ByteCache(limit=256 << 20)
+
+
+def table(stencil: Stencil, kernel: Kernel, input: str) -> WeightTable:
+    """The cached table of a stencil for a kernel scaled to the step."""
+    return TABLES.get((stencil, kernel, input), lambda: WeightTable(stencil, kernel, input))
