@@ -10,7 +10,7 @@ import basset
 import saltation
 from basset import measure, reference
 from basset.problems import PROBLEMS
-from saltation import advice
+from saltation.study import effects as advice
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
 QUOTED = {what: float(number.replace(" ", "")) for what, number in re.findall(r"^\| (.+?) \| ([\d. ]+) × \|$", README, re.M)}

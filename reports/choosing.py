@@ -11,7 +11,8 @@ import pandas as pd
 from reports import choosing_figures as figures
 from reports.analysis import Record, Target, short
 from reports.page import asked, factor, fill, footer, grouped, save, table
-from saltation import advice, advice_plots
+from saltation.plots import choices as advice_plots
+from saltation.study import effects as advice
 
 TITLES = {"sand": "sand, R_p 73", "sand_coarse": "coarse sand, R_p 250", "gravel": "gravel, 30 mm"}
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}
@@ -43,7 +44,7 @@ def change(row: Record) -> str:
 
 
 def frame(rows: Sequence[Record]) -> pd.DataFrame:
-    """Rows of the JSON as `saltation.advice` gave them."""
+    """Rows of the JSON as `saltation.study.effects` gave them."""
     return pd.DataFrame(list(rows))
 
 

@@ -10,11 +10,12 @@ import pandas as pd
 from reports import grains_figures as figures
 from reports.analysis import Record, Target, seconds
 from reports.page import asked, factor, fill, folder, footer, grouped, save, table
-from saltation import animation, cloud_plots
-from saltation.cloud_result import CloudResult, encounter_table, path_dataset
-from saltation.encounters import COLUMNS
-from saltation.grains import RANGES
+from saltation.flight.collisions import COLUMNS
+from saltation.plots import cloud as cloud_plots
+from saltation.plots import film as animation
+from saltation.results.cloud import CloudResult, encounter_table, path_dataset
 from saltation.scene import scene_of
+from saltation.study.thesis import RANGES
 
 LOW, HIGH = 0.0013, 0.0233
 WITH, WITHOUT = "encounters, history", "no encounters, history"

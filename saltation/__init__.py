@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 from basset._lazy import face
 
 if TYPE_CHECKING:
-    from saltation.campaigns import campaign
-    from saltation.result import Result
-    from saltation.result import open_result as open
+    from saltation.results.result import Result
+    from saltation.results.result import open_result as open
     from saltation.scene import Scene, SceneError, load
     from saltation.simulation import run
+    from saltation.study.campaigns import campaign
 else:
     _places = {
-        "campaign": "campaigns",
-        "Result": "result",
-        "open": "result:open_result",
+        "campaign": "study.campaigns",
+        "Result": "results.result",
+        "open": "results.result:open_result",
         **dict.fromkeys(("Scene", "SceneError", "load"), "scene"),
         "run": "simulation",
     }

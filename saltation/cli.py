@@ -35,24 +35,28 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from basset import _validate
-    from saltation import advice, advice_plots, campaigns, checks, grains, statistics
-    from saltation.result import Result
+    from saltation import statistics
+    from saltation.plots import choices as advice_plots
+    from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
     from saltation.simulation import begun
+    from saltation.study import campaigns, checks
+    from saltation.study import effects as advice
+    from saltation.study import thesis as grains
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
     pd, _validate = Later("pandas"), Later("basset._validate")
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
     advice, advice_plots, campaigns, checks, grains, statistics = (
-        Later(f"saltation.{name}") for name in ("advice", "advice_plots", "campaigns", "checks", "grains", "statistics")
+        Later(f"saltation.{name}") for name in ("study.effects", "plots.choices", "study.campaigns", "study.checks", "study.thesis", "statistics")
     )
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
     begun = Later("saltation.simulation", "begun")
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-SERIES = {name: Later("saltation.campaigns", name) for name in ("thesis", "grains")}
+SERIES = {name: Later("saltation.study.campaigns", name) for name in ("thesis", "grains")}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
 OWN = {  # what the thesis's runs differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
@@ -387,9 +391,9 @@ def campaign(
 @click.option("--animate", "film", type=click.Path(path_type=Path), help="A GIF of many grains in their box, instead of figures or with those named.")
 def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path | None) -> None:
     """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
-    from saltation.cloud_plots import CLOUD_PLOTS
-    from saltation.cloud_result import CloudResult
-    from saltation.plots import PLOTS
+    from saltation.plots.cloud import CLOUD_PLOTS
+    from saltation.plots.run import PLOTS
+    from saltation.results.cloud import CloudResult
 
     known = list(dict.fromkeys((*PLOTS, *CLOUD_PLOTS)))
     for name in names:
@@ -500,7 +504,7 @@ def draw_film(result: Any, path: Path, cloud: bool) -> None:
     """The animation, with a bar on a terminal."""
     if not cloud:
         raise Mistake("--animate needs a run of many grains: a scene with a [cloud]")
-    from saltation.animation import animate
+    from saltation.plots.film import animate
 
     with mistakes_of_files("--animate"), progress("drawing", TimeElapsedColumn()) as report:
         try:
@@ -644,7 +648,7 @@ def print_choice(out: Console, scene: Any) -> None:
 
 def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
-    from saltation.result import UNITS
+    from saltation.results.result import UNITS
 
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
@@ -679,7 +683,7 @@ def print_combinations(out: Console, table: pd.DataFrame, scene: Any) -> None:
     """Quantiles over all combinations, and what each choice contributes."""
     finished = table["status"] == "finished"
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
-    from saltation.result import UNITS
+    from saltation.results.result import UNITS
 
     shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
     for quantile, row in advice.extent(table).iterrows():

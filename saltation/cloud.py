@@ -20,11 +20,14 @@ from scipy.spatial import cKDTree
 from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation import encounters, flight
 from saltation._files import DamageError, only_writer, replacing, store, write
 from saltation._keys import key_of, text_of
-from saltation.campaigns import CHUNK, cost_of
-from saltation.cloud_result import (
+from saltation.flight import collisions as encounters
+from saltation.flight import loop as flight
+from saltation.flight.collisions import PILE_UP, UNTIL, empty_crowd
+from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start
+from saltation.flow import both
+from saltation.results.cloud import (
     STOPPED,
     CloudResult,
     encounter_table,
@@ -37,12 +40,10 @@ from saltation.cloud_result import (
     words_in,
     words_of,
 )
-from saltation.encounters import PILE_UP, UNTIL, empty_crowd
-from saltation.engine import DEFAULT_FIRST, NEVER, Engine, Grain, Start
-from saltation.flow import both
-from saltation.result import origin, packed, table_of, unpacked
+from saltation.results.result import origin, packed, table_of, unpacked
 from saltation.scene import SceneError, scene_of
 from saltation.simulation import SLIDING, STATUS, empty_record
+from saltation.study.campaigns import CHUNK, cost_of
 from saltation.workers import TURN
 
 SMALLEST_CELL = 2.0  # d

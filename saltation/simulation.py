@@ -14,10 +14,10 @@ import numpy as np
 from basset.kernels import BassetKernel, Floats
 from basset.solvers import stepper
 from basset.solvers._tables import step_tables
-from saltation import flight
 from saltation._keys import key_of
-from saltation.engine import Engine, Grain
-from saltation.result import Result
+from saltation.flight import loop as flight
+from saltation.flight.setup import Engine, Grain
+from saltation.results.result import Result
 from saltation.scene import AUTO, LONGEST, scene_of
 from saltation.workers import Here
 
@@ -49,7 +49,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     ----------
     scene : Scene
         From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
-        `saltation.advice.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` holds the evidence.
+        `saltation.study.effects.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` holds the evidence.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).
     output : path, optional
@@ -83,7 +83,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
     if scene.cloud is None and output is not None:
         raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
     if scene.effects == AUTO:
-        from saltation.advice import resolved
+        from saltation.study.effects import resolved
 
         scene = begun(scene, output) or resolved(scene, executor or Here())
     if scene.cloud is not None:
@@ -110,7 +110,7 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
 def warm(scene: Any) -> None:
     """Run a scene as shortly as possible, for what that compiles: the types are those of the whole run."""
     if scene.effects == AUTO:
-        from saltation.advice import resolved
+        from saltation.study.effects import resolved
 
         scene = resolved(scene, Here())
     length = {"jumps": 1, "discard": 0} if scene.run.jumps is not None else {"duration": min(scene.run.duration, scene.numbers.time)}
@@ -139,7 +139,7 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     """One grain from its start to the end of the run or of the memory."""
     scene = engine.scene
     if scene.solver.method != "collocation":
-        from saltation.fixed import run_fixed
+        from saltation.flight.fixed import run_fixed
 
         return run_fixed(engine, report)
     grain = Grain(engine)
@@ -248,7 +248,7 @@ def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
     """What was chosen for a scene that says "auto" when the run in this folder began; None if there is none."""
     if output is None:
         return None
-    from saltation.cloud_result import words_in
+    from saltation.results.cloud import words_in
 
     try:
         found = scene_of(words_in(Path(output))["scene"])

@@ -19,16 +19,16 @@ from basset.kernels import Floats
 from saltation.bed import rebound
 from saltation.effects import base, drag
 
-# what users import; the machinery of a run (`saltation.flight` and its like) and the commands are not among it
+# what users import; the machinery of a run (`saltation.flight.loop` and its like) and the commands are not among it
 MODULES = [
     *("basset", "basset.advice", "basset.comparison", "basset.evaluate", "basset.exponentials", "basset.finite_reynolds", "basset.kernels"),
     *("basset.measure", "basset.problems", "basset.quadrature", "basset.reference", "basset.samples", "basset.solvers", "basset.spectrum"),
-    *("basset.streaming", "saltation", "saltation.advice", "saltation.advice_plots", "saltation.animation", "saltation.bed.contact"),
-    *("saltation.bed.rebound", "saltation.bed.roughness", "saltation.campaigns", "saltation.checks", "saltation.cloud_plots"),
-    *("saltation.cloud_result", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
+    *("basset.streaming", "saltation", "saltation.study.effects", "saltation.plots.choices", "saltation.plots.film", "saltation.bed.contact"),
+    *("saltation.bed.rebound", "saltation.bed.roughness", "saltation.study.campaigns", "saltation.study.checks", "saltation.plots.cloud"),
+    *("saltation.results.cloud", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
     *("saltation.effects.history", "saltation.effects.lift", "saltation.effects.magnus", "saltation.effects.rotation", "saltation.effects.weight"),
-    *("saltation.flow", "saltation.grain", "saltation.grains", "saltation.highlights", "saltation.plots", "saltation.presets"),
-    *("saltation.regressions", "saltation.result", "saltation.scene", "saltation.simulation", "saltation.statistics", "saltation.tracks"),
+    *("saltation.flow", "saltation.grain", "saltation.study.thesis", "saltation.plots.highlights", "saltation.plots.run", "saltation.scene.presets"),
+    *("saltation.regressions", "saltation.results.result", "saltation.scene", "saltation.simulation", "saltation.statistics", "saltation.plots.tracks"),
     "saltation.workers",
 ]
 SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "References", "Examples")

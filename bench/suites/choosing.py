@@ -11,8 +11,8 @@ import pandas as pd
 
 import saltation
 from bench.grains import rounded
-from saltation import advice
 from saltation.scene import SceneError
+from saltation.study import effects as advice
 
 SCENES = ("sand", "sand_coarse", "gravel")
 ALWAYS = ("weight", "drag")  # without either no run finishes

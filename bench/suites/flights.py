@@ -21,10 +21,11 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from bench import hand_written
 from bench.grains import at_fixed_steps, base, changed
-from saltation import campaigns, flight
-from saltation.engine import Engine, Grain
+from saltation.flight import loop as flight
+from saltation.flight.setup import Engine, Grain
 from saltation.scene import scene_of
 from saltation.simulation import empty_record
+from saltation.study import campaigns
 
 RTOL = 1e-5  # of what a jump may cost
 JUMPS = 400  # timed

@@ -14,13 +14,15 @@ import pandas as pd
 import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
-from saltation import campaigns, flight, grains
 from saltation.cloud import Cloud, starts
-from saltation.cloud_result import CloudResult
-from saltation.encounters import UNTIL, Samples
-from saltation.engine import Engine, Grain, Start
+from saltation.flight import loop as flight
+from saltation.flight.collisions import UNTIL, Samples
+from saltation.flight.setup import Engine, Grain, Start
+from saltation.results.cloud import CloudResult
 from saltation.scene import read, scene_of, shipped
 from saltation.simulation import empty_record
+from saltation.study import campaigns
+from saltation.study import thesis as grains
 
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000

@@ -11,8 +11,9 @@ import pandas as pd
 import saltation
 from bench import grains
 from bench.grains import QUANTITIES, Task, base, changed, rounded
-from saltation import campaigns, regressions, statistics
+from saltation import regressions, statistics
 from saltation.scene import scene_of
+from saltation.study import campaigns
 
 COUNTED, COUNTED_SHORT = 600, 200  # jumps per run
 SCENES = {73: "sand", 250: "sand_coarse"}

@@ -15,7 +15,9 @@ import saltation
 from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
-from saltation import encounters, fixed, flight
+from saltation.flight import collisions as encounters
+from saltation.flight import fixed
+from saltation.flight import loop as flight
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
 

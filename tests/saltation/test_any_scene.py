@@ -11,13 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import saltation
-from saltation import checks, engine, flight
 from saltation.bed.rebound import REBOUNDS
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.effects.drag import LAWS
+from saltation.flight import loop as flight
+from saltation.flight import setup as engine
 from saltation.flow import PROFILES, REGIMES
 from saltation.scene import SceneError, scene_of
+from saltation.study import checks
 
 FLUIDS = ({"density": 1000.0, "viscosity": 1e-6}, {"density": 1.2, "viscosity": 1.5e-5}, {"density": 1260.0, "viscosity": 1e-3})
 MOST_STEPS = 400  # of a run here: so far it must get without a fault

@@ -18,12 +18,13 @@ import pytest
 from click.testing import CliRunner
 
 import saltation
-from saltation import _keys, campaigns, cli, regressions, statistics
+from saltation import _keys, cli, regressions, statistics
 from saltation._keys import key_of
-from saltation.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
 from saltation.cloud import run_cloud
-from saltation.result import unpacked
+from saltation.results.result import unpacked
 from saltation.scene import read, scene_of
+from saltation.study import campaigns
+from saltation.study.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
 from saltation.workers import Processes, cores, processes
 
 

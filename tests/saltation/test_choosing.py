@@ -12,11 +12,13 @@ from click.testing import CliRunner
 from scene_cases import merged
 
 import saltation
-from saltation import advice, advice_plots, cli, simulation
+from saltation import cli, simulation
 from saltation._keys import key_of, text_of
-from saltation.cloud_result import WORDS, words_of
 from saltation.effects import EFFECTS
+from saltation.plots import choices as advice_plots
+from saltation.results.cloud import WORDS, words_of
 from saltation.scene import SceneError, scene_of, shipped
+from saltation.study import effects as advice
 from saltation.workers import Here
 
 PLAIN = {  # three numbers of state and no memory: quick to compile
@@ -247,7 +249,7 @@ class TestAuto:
     @pytest.fixture
     def three(self, monkeypatch):
         """All effects there are: three."""
-        from saltation import scene as module
+        from saltation.scene import model as module
 
         monkeypatch.setattr(module, "ALL", ("weight", "drag", "lift"))
         return plain(effects="auto", tolerance=0.5)

@@ -17,11 +17,12 @@ from scene_cases import cloud_scene, sand_cloud
 import saltation
 from basset.solvers import stepper
 from basset.solvers._tables import tables_of
-from saltation import cloud, flight
+from saltation import cloud
 from saltation.cloud import Folder, starts
-from saltation.engine import Engine, Grain, Start, tables_for
+from saltation.flight import loop as flight
+from saltation.flight.setup import Engine, Grain, Start, tables_for
 from saltation.flow import both
-from saltation.result import table_of
+from saltation.results.result import table_of
 from saltation.simulation import empty_record
 
 LENGTH = 40.0  # d/u*

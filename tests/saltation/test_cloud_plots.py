@@ -10,12 +10,16 @@ from matplotlib.collections import EllipseCollection
 from PIL import Image
 
 from basset._look import RED
-from saltation import animation, cli, cloud_plots, encounters, highlights, statistics
-from saltation.cloud_plots import CLOUD_PLOTS
-from saltation.cloud_result import CloudResult, path_dataset, tables_to_dataset
-from saltation.result import UNITS
+from saltation import cli, statistics
+from saltation.flight import collisions as encounters
+from saltation.plots import cloud as cloud_plots
+from saltation.plots import film as animation
+from saltation.plots import highlights
+from saltation.plots.cloud import CLOUD_PLOTS
+from saltation.plots.tracks import BED, MET, image, meeting_places, track
+from saltation.results.cloud import CloudResult, path_dataset, tables_to_dataset
+from saltation.results.result import UNITS
 from saltation.scene import read, scene_of
-from saltation.tracks import BED, MET, image, meeting_places, track
 
 END, STEP, PERIOD, RISE, LOW, SPEED = 20.0, 0.1, 2.0, 1.2, 0.6, 6.0
 MOMENTS = (5.33, 11.13)  # of the encounters of grains 0 and 1, 2 and 3

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from scene_cases import cloud_scene, flown, merged, scene
 
 import saltation
-from saltation import advice, campaigns, cli, simulation
-from saltation.plots import PLOTS
+from saltation import cli, simulation
+from saltation.plots.run import PLOTS
 from saltation.scene import shipped
+from saltation.study import campaigns
+from saltation.study import effects as advice
 
 SHORT = ["run", "bouncing", "--set", "run.jumps=2"]
 
@@ -170,7 +172,7 @@ def test_no_step_flown_leaves_the_start(velocity, tmp_path):
 
 def test_a_failed_first_step_kept_its_path(monkeypatch, tmp_path):
     """It does not say to keep what was kept; what was not kept it does."""
-    from saltation.engine import Grain
+    from saltation.flight.setup import Grain
 
     monkeypatch.setattr(Grain, "fly", lambda *_: (simulation.stepper.TOO_SMALL, 0))
     for kept in (True, False):

@@ -6,7 +6,7 @@ from compilations import Compilations
 from scene_cases import scene
 
 import saltation
-from saltation.engine import Engine
+from saltation.flight.setup import Engine
 from saltation.simulation import warm
 
 SETS = (

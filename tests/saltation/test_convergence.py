@@ -10,8 +10,8 @@ from scene_cases import flown, scene
 
 import saltation
 from basset.solvers import stepper
-from saltation import flight
-from saltation.engine import Engine, Grain
+from saltation.flight import loop as flight
+from saltation.flight.setup import Engine, Grain
 from saltation.simulation import empty_record
 
 SCENES = ("sand", "sand_coarse", "gravel")

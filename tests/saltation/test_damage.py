@@ -19,10 +19,10 @@ from scene_cases import cloud_scene, flown, scene
 import saltation
 from saltation import _files, cloud
 from saltation.cloud import Folder
-from saltation.cloud_result import CloudResult, encounter_table, fate_table, no_jumps, path_dataset
-from saltation.encounters import COLUMNS
-from saltation.flight import COLUMNS as FLOWN
-from saltation.result import Result, key_in, packed, table_of
+from saltation.flight.collisions import COLUMNS
+from saltation.flight.loop import COLUMNS as FLOWN
+from saltation.results.cloud import CloudResult, encounter_table, fate_table, no_jumps, path_dataset
+from saltation.results.result import Result, key_in, packed, table_of
 
 MADE = cloud_scene(3, 1.2, cloud={"boundary": "open", "interval": 0.1})
 OTHER = cloud_scene(2, 2.0, cloud={"boundary": "open", "interval": 0.1})
@@ -351,7 +351,7 @@ def test_units_are_those_of_cf(bouncing, folders, tmp_path):
                 assert (unit == "1" and "scale" in variable.attrs) == ("si_factor" in variable.attrs)
                 assert "u*" not in variable.attrs.get("scale", "")  # still water has none
     stream = scene("sand", run={"jumps": 1, "discard": 0})
-    engine = saltation.engine.Engine(stream)
+    engine = saltation.flight.setup.Engine(stream)
     sand = Result.of(engine, np.zeros((1, len(FLOWN))), None, "finished", "", np.zeros(3))
     assert sand.dataset()["jump_velocity"].attrs["scale"] == "u*" and sand.dataset().attrs["velocity_scale"] == "u*, the shear velocity"
 
@@ -394,7 +394,7 @@ def test_files_of_an_earlier_version_open(old, tmp_path):
         found.save(tmp_path / "new.nc")
         again = saltation.open(tmp_path / "new.nc")
         assert again.encounters.equals(found.encounters) and again.trajectory.identical(found.trajectory)
-    assert len(saltation.campaigns.Store(old / "campaign" / "store").path.name) > 0
+    assert len(saltation.study.campaigns.Store(old / "campaign" / "store").path.name) > 0
     with pytest.raises(saltation.SceneError, match="another scene or version"):
         saltation.run(many.scene, output=old / "run")
 

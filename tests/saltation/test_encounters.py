@@ -14,9 +14,11 @@ from scipy.spatial import cKDTree
 
 import saltation
 from basset._compile import compiled
-from saltation import cloud, encounters, flight
+from saltation import cloud
 from saltation.bed.contact import strike_pair
-from saltation.encounters import BEND, PACE, ROOT, SPREAD, UNSEEN, U, W
+from saltation.flight import collisions as encounters
+from saltation.flight import loop as flight
+from saltation.flight.collisions import BEND, PACE, ROOT, SPREAD, UNSEEN, U, W
 
 TOUCH = 1e-12  # d: surfaces nearer than this (and rounding of the time, 1e-14 of it) touch; the rest is rounding
 ELASTIC = {"restitution": 1.0, "friction": 0.0, "slowest": 0.0}

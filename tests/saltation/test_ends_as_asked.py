@@ -10,11 +10,13 @@ import pytest
 from scene_cases import flown, merged, scene
 
 import saltation
-from saltation import advice, checks, engine
-from saltation.advice import changed
 from saltation.cli import value_of
+from saltation.flight import setup as engine
 from saltation.scene import SceneError, read, scene_of
 from saltation.simulation import warm
+from saltation.study import checks
+from saltation.study import effects as advice
+from saltation.study.effects import changed
 
 FALL = ["weight", "drag", "added_mass"]
 

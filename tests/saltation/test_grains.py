@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 import saltation
-from saltation import grains
-from saltation.cloud_result import CloudResult, encounter_table, fate_table, path_dataset
-from saltation.encounters import COLUMNS
+from saltation.flight.collisions import COLUMNS
+from saltation.results.cloud import CloudResult, encounter_table, fate_table, path_dataset
 from saltation.scene import read, scene_of
+from saltation.study import thesis as grains
 
 LABELS = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0}
 

@@ -17,8 +17,9 @@ from click.testing import CliRunner
 import basset.cli
 import bench.__main__
 import saltation.cli
-from saltation import advice, campaigns
 from saltation.scene import shipped
+from saltation.study import campaigns
+from saltation.study import effects as advice
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 import basset
 import saltation
 from basset import reference
-from saltation.engine import Engine
-from saltation.result import UNITS
+from saltation.flight.setup import Engine
+from saltation.results.result import UNITS
 
 AXES = "xyz"
 WITHOUT = ["weight", "drag", "added_mass", "lift", "magnus", "rotation"]

@@ -8,7 +8,7 @@ from scene_cases import flown, scene
 
 import saltation
 from saltation import simulation
-from saltation.engine import Engine
+from saltation.flight.setup import Engine
 
 HORIZON = {"history": {"horizon": 2000.0}}
 SHARP = {"solver": {"rtol": 1e-9}}

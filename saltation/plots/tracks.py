@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from basset.kernels import Floats
-from saltation.cloud_result import CloudResult
+from saltation.results.cloud import CloudResult
 
 __all__ = ["Track", "meeting_places", "track"]
 

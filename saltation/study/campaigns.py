@@ -19,7 +19,7 @@ from saltation import regressions, statistics
 from saltation._files import replacing, write
 from saltation._keys import hash_of, key_of, text_of
 from saltation.grain import GRAVITY
-from saltation.result import key_in, packed
+from saltation.results.result import key_in, packed
 from saltation.scene import AUTO, Scene, read, scene_of, shipped
 from saltation.simulation import run
 from saltation.workers import TURN, cores, processes
@@ -140,7 +140,7 @@ def _with_effects(scenes: Sequence[Any], executor: Executor | None, kept: Store 
     choices: dict[str, Any] = {}
     for scene in scenes:
         if scene.effects == AUTO and (key := key_of(scene)) not in choices:
-            from saltation.advice import resolved
+            from saltation.study.effects import resolved
 
             choices[key] = (kept.choice(key) if kept is not None else None) or resolved(scene, executor)
             if kept is not None:

@@ -13,7 +13,7 @@ from scipy.stats import mannwhitneyu
 
 from basset.kernels import Floats
 from saltation import statistics
-from saltation.cloud_result import CloudResult
+from saltation.results.cloud import CloudResult
 
 __all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
 

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from basset.kernels import Floats
-from saltation.cloud_result import CloudResult
-from saltation.tracks import SPEEDS, Track, columns, image, meeting_places, track
+from saltation.plots.tracks import SPEEDS, Track, columns, image, meeting_places, track
+from saltation.results.cloud import CloudResult
 
 __all__ = ["Group", "Pair", "busiest", "clean_pair", "group_of"]
 

@@ -14,10 +14,12 @@ import xarray as xr
 
 from basset import _validate
 from basset.kernels import Floats
-from saltation import encounters, flight, statistics
+from saltation import statistics
 from saltation._files import DamageError, open_dataset
 from saltation._keys import hash_of
-from saltation.result import UNITS, Kept, path_in, shares, table_in, table_of, that_count, told_of
+from saltation.flight import collisions as encounters
+from saltation.flight import loop as flight
+from saltation.results.result import UNITS, Kept, path_in, shares, table_in, table_of, that_count, told_of
 from saltation.scene import scene_of
 
 __all__ = ["CloudResult"]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from saltation.effects import EFFECTS
 from saltation.effects.drag import LAWS
-from saltation.engine import Engine
+from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES
 from saltation.scene import AUTO
 

@@ -26,8 +26,8 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
-from saltation import flight
 from saltation.bed.contact import strike_pair
+from saltation.flight import loop as flight
 from saltation.flow import both
 from saltation.grain import Triple
 

@@ -22,7 +22,6 @@ from basset import measure
 from saltation import regressions, statistics
 from saltation._keys import key_of
 from saltation.bed.roughness import READINGS
-from saltation.campaigns import campaign
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting, Situation
 from saltation.effects.history import KERNELS
@@ -30,6 +29,7 @@ from saltation.effects.rotation import prescribed_spin
 from saltation.flow import PROFILES, both
 from saltation.scene import AUTO, LONGEST, SceneError, scene_of
 from saltation.simulation import run
+from saltation.study.campaigns import campaign
 
 __all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "combinations", "extent", "shares", "spreads", "typical", "uncertainty", "variants"]
 

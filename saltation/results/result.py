@@ -20,10 +20,11 @@ from numpy.polynomial import legendre
 from basset import __version__
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation import flight, regressions, statistics
+from saltation import regressions, statistics
 from saltation._files import DamageError, content_of, open_dataset, store
 from saltation.effects import EFFECTS
-from saltation.engine import REST, Engine
+from saltation.flight import loop as flight
+from saltation.flight.setup import REST, Engine
 from saltation.scene import scene_of
 
 __all__ = ["Result", "open_result"]
@@ -216,7 +217,7 @@ class Result(Kept):
     ----------
     scene : Scene
     all_jumps : DataFrame
-        One row per jump from the first on; columns and units in `saltation.result.UNITS`.
+        One row per jump from the first on; columns and units in `saltation.results.result.UNITS`.
     status, message : str
         finished, at rest, creeping, aloft, horizon or failed; and why.
     provenance : dict
@@ -252,7 +253,7 @@ class Result(Kept):
         engine : Engine
             Of the run.
         rows : ndarray (jumps, columns)
-            Columns and their order as in `saltation.flight.COLUMNS`: lengths in d, velocities in V, times in d/V.
+            Columns and their order as in `saltation.flight.loop.COLUMNS`: lengths in d, velocities in V, times in d/V.
         record : Record or None
             The accepted steps; None where the path is not kept.
         status, message : str
@@ -267,8 +268,8 @@ class Result(Kept):
         Examples
         --------
         >>> import saltation
-        >>> from saltation.engine import Engine
-        >>> from saltation.flight import COLUMNS
+        >>> from saltation.flight.setup import Engine
+        >>> from saltation.flight.loop import COLUMNS
         >>> scene = saltation.load("bouncing")
         >>> len(Result.of(Engine(scene), np.zeros((0, len(COLUMNS))), None, "aloft", "it never came down", np.zeros(3)).jumps)
         0
@@ -282,7 +283,7 @@ class Result(Kept):
     def jumps(self) -> pd.DataFrame:
         """The jumps that count: without the first `run.discard`, and without flights that are none (shorter than `engine.REST`, d/u*).
 
-        Units are in `saltation.result.UNITS`.
+        Units are in `saltation.results.result.UNITS`.
         """
         return that_count(self.all_jumps, self.all_jumps.index, self.scene.run.discard)
 
@@ -478,7 +479,7 @@ def open_result(path: str | os.PathLike[str], parts: int | None = None) -> Any:
     >>> again.jumps.equals(result.jumps)
     True
     """
-    from saltation.cloud_result import open_folder
+    from saltation.results.cloud import open_folder
 
     place = Path(path)
     if place.is_dir():
@@ -518,7 +519,7 @@ def key_in(path: Path) -> Any:
 
 def result_of(whole: xr.Dataset) -> Any:
     """The result whose `dataset` it is."""
-    from saltation.cloud_result import CloudResult
+    from saltation.results.cloud import CloudResult
 
     scene = scene_of(json.loads(whole.attrs["scene"]))
     if scene.cloud is not None:

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
 from basset.kernels import Floats
-from saltation import plots, statistics
-from saltation.cloud_result import CloudResult
-from saltation.grains import RANGES
-from saltation.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
-from saltation.plots import SPREAD, draw_moments, styled
-from saltation.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
+from saltation import statistics
+from saltation.plots import run as plots
+from saltation.plots.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
+from saltation.plots.run import SPREAD, draw_moments, styled
+from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
+from saltation.results.cloud import CloudResult
+from saltation.study.thesis import RANGES
 
 __all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
 

@@ -18,8 +18,8 @@ from PIL import Image
 from basset._look import BROWN, LOOK, RED
 from basset.kernels import Floats
 from saltation._files import replacing
-from saltation.cloud_result import CloudResult
-from saltation.highlights import jump_time, settled
+from saltation.plots.highlights import jump_time, settled
+from saltation.results.cloud import CloudResult
 
 __all__ = ["animate"]
 

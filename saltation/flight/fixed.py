@@ -18,12 +18,12 @@ from basset.quadrature import Daitche
 from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
-from saltation import flight
 from saltation._random import uniforms
 from saltation.bed.roughness import facing
-from saltation.engine import Engine, Grain
+from saltation.flight import loop as flight
+from saltation.flight.setup import Engine, Grain
 from saltation.flow import both
-from saltation.result import Result, path_at
+from saltation.results.result import Result, path_at
 
 IMPACT = 32  # why the loop came back, beside its own codes and those of a flight
 ROWS = 4096

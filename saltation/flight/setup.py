@@ -15,13 +15,13 @@ from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
 from basset.spectrum import STAYS, Following
-from saltation import flight
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
+from saltation.flight import loop as flight
 from saltation.flow import Still, both, tabulated
 
 SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may be longer than usual or never end, more

@@ -23,7 +23,7 @@ from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
 from saltation.grain import Numbers, numbers_of
-from saltation.presets import ALL, PRESETS, Preset
+from saltation.scene.presets import ALL, PRESETS, Preset
 
 __all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
 
