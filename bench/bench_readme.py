@@ -57,7 +57,7 @@ def initial_slip():
 
 def history():
     """100 jumps of sand with the history force, and without."""
-    scene = advice.changed(saltation.load("sand"), run={"jumps": 100, "discard": 0, "trajectory": False})
+    scene = saltation.load("sand").changed(run={"jumps": 100, "discard": 0, "trajectory": False})
     sides = []
     for made in (scene, advice.without(scene, ["history"])):
         assert saltation.run(made).status == "finished"

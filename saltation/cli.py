@@ -35,11 +35,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from basset import _validate
-    from saltation import statistics
+    from saltation import front, statistics
     from saltation.plots import choices as advice_plots
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
-    from saltation.simulation import begun
     from saltation.study import campaigns, checks
     from saltation.study import effects as advice
     from saltation.study import thesis as grains
@@ -48,11 +47,10 @@ else:  # the help needs none of them, most commands a few
     pd, _validate = Later("pandas"), Later("basset._validate")
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
-    advice, advice_plots, campaigns, checks, grains, statistics = (
-        Later(f"saltation.{name}") for name in ("study.effects", "plots.choices", "study.campaigns", "study.checks", "study.thesis", "statistics")
+    advice, advice_plots, campaigns, checks, front, grains, statistics = (
+        Later(f"saltation.{name}") for name in ("study.effects", "plots.choices", "study.campaigns", "study.checks", "front", "study.thesis", "statistics")
     )
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
-    begun = Later("saltation.simulation", "begun")
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
@@ -172,7 +170,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     with stoppable(folder), mistakes_of_files("--output"):
         if made.effects == AUTO:
             with shown("choosing effects", quiet) as report:
-                made = (None if force else begun(made, folder)) or advice.resolved(made, progress=report)
+                made = front.resolved(made, None, None if force else folder, report)
         if force and folder is not None:
             take_away(folder)
         with shown("flying", quiet) as report:
@@ -355,7 +353,7 @@ def campaign(
         with progress("campaign", *columns, total=len(runs)) as report:
             try:
                 results = output / "runs" if what[0] == "grains" else None
-                table = campaigns.campaign(runs, executor, progress=report, store=output / "store", results=results)
+                table = front.campaign(runs, executor, progress=report, store=output / "store", results=results)
             except BrokenExecutor as error:
                 raise click.ClickException(f"{error}: what is finished is kept in {str(output)!r}, the same command goes on from there") from None
         write(output / "table.csv", table.to_csv(index=False))
@@ -393,7 +391,6 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
     """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
     from saltation.plots.cloud import CLOUD_PLOTS
     from saltation.plots.run import PLOTS
-    from saltation.results.cloud import CloudResult
 
     known = list(dict.fromkeys((*PLOTS, *CLOUD_PLOTS)))
     for name in names:
@@ -407,7 +404,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
         check_picture("--animate", film, (".gif",))
     with mistakes_of_files("RESULT"):
         opened = open_result(result)
-    cloud = isinstance(opened, CloudResult)
+    cloud = opened.scene.cloud is not None
     own: dict[str, Callable[[Any], Any]] = {**CLOUD_PLOTS} if cloud else {**PLOTS}
     for name in names:
         if name not in own:
@@ -433,12 +430,10 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
 @click.argument("names", nargs=-1, metavar="[SCENE]...")
 def warmup(names: tuple[str, ...]) -> None:
     """Compile ahead what runs of each SCENE need (default: the scenes that come with the package): they then start at once."""
-    from saltation.simulation import warm
-
     made = {name: scene_of(read(name)) for name in names or shipped()}  # mistakes first
     with stoppable(None):
         for name, scene in made.items():
-            compile_ahead(name, partial(warm, scene))
+            compile_ahead(name, partial(front.warm, scene))
 
 
 # What commands share
@@ -551,7 +546,7 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
             scene = scene_of(changed(copy, changes))
             own = {**labels, **{field: value if isinstance(value, (int, float, str)) else str(value) for field, value in zip(fields, values, strict=True)}}
             for name, actual in (("particle_reynolds", scene.numbers.particle_reynolds), ("stage", scene.numbers.stage)):
-                if name not in own or not math.isclose(own[name], actual):
+                if name not in own or actual is None or not math.isclose(own[name], actual):
                     own[name] = actual
             runs.append((own, scene))
     return runs, models
@@ -636,7 +631,7 @@ def print_cloud(result: Any) -> None:
         out.print(f"warning: {text}")
 
 
-def print_choice(out: Console, scene: Any) -> None:
+def print_choice(out: Console, scene: Scene) -> None:
     """What effects = "auto" came to."""
     found = scene.chosen
     if found is not None and found.status != "finished":
@@ -648,7 +643,7 @@ def print_choice(out: Console, scene: Any) -> None:
 
 def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
-    from saltation.results.result import UNITS
+    from saltation.results.tables import UNITS
 
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
@@ -660,7 +655,7 @@ def print_summary(out: Console, result: Any) -> None:
     print_scale(out, result.scene)
 
 
-def print_scale(out: Console, scene: Any) -> None:
+def print_scale(out: Console, scene: Scene) -> None:
     """What V is where there is no u*."""
     if scene.numbers.stage is None:
         out.print(f"{scene.numbers.scale} = {scene.numbers.velocity:.4g} m/s: still water has no u*")
@@ -679,11 +674,11 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
     out.print(shown)
 
 
-def print_combinations(out: Console, table: pd.DataFrame, scene: Any) -> None:
+def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     """Quantiles over all combinations, and what each choice contributes."""
     finished = table["status"] == "finished"
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
-    from saltation.results.result import UNITS
+    from saltation.results.tables import UNITS
 
     shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
     for quantile, row in advice.extent(table).iterrows():

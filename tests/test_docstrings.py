@@ -25,10 +25,10 @@ MODULES = [
     *("basset.measure", "basset.problems", "basset.quadrature", "basset.reference", "basset.samples", "basset.solvers", "basset.spectrum"),
     *("basset.streaming", "saltation", "saltation.study.effects", "saltation.plots.choices", "saltation.plots.film", "saltation.bed.contact"),
     *("saltation.bed.rebound", "saltation.bed.roughness", "saltation.study.campaigns", "saltation.study.checks", "saltation.plots.cloud"),
-    *("saltation.results.cloud", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
+    *("saltation.results.files", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
     *("saltation.effects.history", "saltation.effects.lift", "saltation.effects.magnus", "saltation.effects.rotation", "saltation.effects.weight"),
     *("saltation.flow", "saltation.grain", "saltation.study.thesis", "saltation.plots.highlights", "saltation.plots.run", "saltation.scene.presets"),
-    *("saltation.regressions", "saltation.results.result", "saltation.scene", "saltation.simulation", "saltation.statistics", "saltation.plots.tracks"),
+    *("saltation.regressions", "saltation.results.result", "saltation.scene", "saltation.front", "saltation.statistics", "saltation.plots.tracks"),
     "saltation.workers",
 ]
 SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "References", "Examples")

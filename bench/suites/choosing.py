@@ -40,7 +40,7 @@ def every_set(scene: Any) -> dict[str, Any]:
 
 def truth(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
-    cases = every_set(advice.changed(scene, run={"seed": SEED}))
+    cases = every_set(scene.changed(run={"seed": SEED}))
     table = advice.compare(advice.enough(cases, error, None, None)[0])
     table["time"] = advice.costs(cases)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
@@ -60,7 +60,7 @@ def chosen(scene: Any, tolerance: float) -> list[dict[str, Any]]:
     """What is chosen with several seeds, and the seconds that takes with everything compiled, beside those of the scene's own run."""
     rows = []
     for seed in SEEDS:
-        made = advice.changed(scene, run={"seed": seed})
+        made = scene.changed(run={"seed": seed})
         start = time.perf_counter()
         evidence = advice.choose(made, tolerance).chosen.model_dump()
         between = time.perf_counter()
@@ -83,7 +83,7 @@ def combined(scene: Any) -> dict[str, Any]:
 
 def magnus(scene: Any) -> dict[str, Any]:
     """The scene with the coefficient that was measured at high Reynolds numbers, beside the thesis's and none; and what is then chosen."""
-    made = advice.changed(scene, magnus={"coefficient": MEASURED})
+    made = scene.changed(magnus={"coefficient": MEASURED})
     cases = {"0.75": scene, f"{MEASURED:g}": made, "none": advice.without(scene, ["magnus"])}
     table = advice.compare(advice.enough(cases, 0.01, None, None)[0])
     return {

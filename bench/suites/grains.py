@@ -14,13 +14,12 @@ import pandas as pd
 import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
-from saltation.cloud import Cloud, starts
-from saltation.flight import loop as flight
+from saltation.flight import layout
 from saltation.flight.collisions import UNTIL, Samples
-from saltation.flight.setup import Engine, Grain, Start
-from saltation.results.cloud import CloudResult
+from saltation.flight.crowd import Cloud, starts
+from saltation.flight.setup import Engine, Grain, Start, empty_record
+from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
-from saltation.simulation import empty_record
 from saltation.study import campaigns
 from saltation.study import thesis as grains
 
@@ -129,16 +128,16 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         best["cloud"] = min(best["cloud"], time.perf_counter() - begin)
         together = np.concatenate(rows)
         grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]
-        record, table = empty_record(1, engine.tables.count, engine.states), np.zeros((1000, len(flight.COLUMNS)))
+        record, table = empty_record(1, engine.tables.count, engine.states), np.zeros((1000, len(layout.COLUMNS)))
         alone = []
         taken = 0.0
         for i, grain in enumerate(grains):
             grain.memory = grain.memory._replace(horizon=until)  # comes back after the step that passes it
-            grain.flight[flight.DONE] = 0.0
+            grain.flight[layout.DONE] = 0.0
             begin = time.perf_counter()
             grain.fly(record, False, table)
             taken += time.perf_counter() - begin
-            jumps = int(grain.flight[flight.DONE])
+            jumps = int(grain.flight[layout.DONE])
             alone.append(np.column_stack([np.full(jumps, i), table[:jumps]]))
         best["one by one"] = min(best["one by one"], taken)
     single = np.concatenate(alone)
@@ -158,8 +157,8 @@ def study() -> dict[str, Any]:
         table = campaigns.campaign(campaigns.grains(), results=folder)
         seconds = time.perf_counter() - begin
 
-        def opened(name: str) -> CloudResult:
-            result: CloudResult = saltation.open(Path(folder) / f"{name}.nc")
+        def opened(name: str) -> Result:
+            result: Result = saltation.open(Path(folder) / f"{name}.nc")
             return result
 
         found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}

@@ -7,7 +7,6 @@ Here to compare with: an impact snaps to the first node behind it, so everything
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +19,9 @@ from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
 from saltation._random import uniforms
 from saltation.bed.roughness import facing
-from saltation.flight import loop as flight
-from saltation.flight.setup import Engine, Grain
+from saltation.flight import layout, loop
+from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.flow import both
-from saltation.results.result import Result, path_at
 
 IMPACT = 32  # why the loop came back, beside its own codes and those of a flight
 ROWS = 4096
@@ -32,17 +30,17 @@ ROWS = 4096
 class Layered(NamedTuple):
     """An equation whose layer between two kinks is that of the state; rows (2, state) are overwritten."""
 
-    model: flight.Model
+    model: layout.Model
     spin: Floats
     rows: Floats
 
 
 def rates_in_layer(parts: Layered, t: float, y: Any, out: Any, own: Any) -> None:
-    """`flight.rates_of` in the layer where the grain is."""
+    """`loop.rates_of` in the layer where the grain is."""
     model, rows = parts.model, parts.rows
     for a in range(rows.shape[1]):
         rows[0, a] = y[a]
-    parts.spin[3] = flight.layer_of(model, rows[0, model.dimensions - 1], rows[0, 2 * model.dimensions - 1])
+    parts.spin[3] = loop.layer_of(model, rows[0, model.dimensions - 1], rows[0, 2 * model.dimensions - 1])
     call(model.rates, t, rows, 0, rows, 1, parts.spin)
     for a in range(rows.shape[1]):
         out[a] = rows[1, a]
@@ -54,8 +52,8 @@ layered_entry = entry(rates_in_layer)
 class Look(NamedTuple):
     """What the end of a step is judged by."""
 
-    model: flight.Model
-    bed: flight.Bed
+    model: layout.Model
+    bed: layout.Bed
     end: float
     horizon: float
     longest: float
@@ -71,8 +69,8 @@ def ahead(t: float, dt: float, end: float, horizon: float, longest: float, start
     if t >= end * (1.0 - 1e-12):
         return stepper.END
     if t - start > longest:
-        return flight.ALOFT
-    return flight.HORIZON if t + dt > horizon else stepper.ACCEPTED
+        return layout.ALOFT
+    return layout.HORIZON if t + dt > horizon else stepper.ACCEPTED
 
 
 def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
@@ -90,14 +88,14 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
         record.times[row] = parts.end
     w, before_w = s[2 * d - 1], before[0, 2 * d - 1]
     if before_w > 0.0 >= w:
-        account[flight.TOP] = max(account[flight.TOP], before[0, d - 1] + 0.5 * dt * before_w * before_w / (before_w - w))
-    account[flight.TOP] = max(account[flight.TOP], s[d - 1])
+        account[layout.TOP] = max(account[layout.TOP], before[0, d - 1] + 0.5 * dt * before_w * before_w / (before_w - w))
+    account[layout.TOP] = max(account[layout.TOP], s[d - 1])
     if model.spins > 0:
         turns = 4 if d == 2 else 7
-        account[flight.TURNED] += 0.5 * dt * (before[0, turns] + s[turns])
-    out[0] = stepper.END if ends else ahead(t, dt, parts.end, parts.horizon, parts.longest, account[flight.START])
+        account[layout.TURNED] += 0.5 * dt * (before[0, turns] + s[turns])
+    out[0] = stepper.END if ends else ahead(t, dt, parts.end, parts.horizon, parts.longest, account[layout.START])
     if not ends and w <= 0.0 and s[d - 1] < bed.highest:
-        draws = uniforms(bed.seed, bed.grain, int(account[flight.IMPACTS]))
+        draws = uniforms(bed.seed, bed.grain, int(account[layout.IMPACTS]))
         u = s[d] + both(model.profile, s[d - 1])[0]
         v = 0.0 if d == 2 else s[d + 1]
         if s[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
@@ -107,84 +105,67 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
 look_entry = entry(looked)
 
 
-def run_fixed(engine: Engine, progress: Callable[[float], None] | None = None) -> Result:
-    """Simulate a scene at fixed steps; as `saltation.run`."""
-    from saltation.simulation import empty_record, ending
+class FixedGrain(Grain):
+    """One grain under way at fixed steps."""
 
-    scene, grain = engine.scene, Grain(engine)
-    d, m, n, dt = engine.dimensions, engine.members, engine.states, float(scene.solver.dt)
-    kind = _fixed.HELD if scene.solver.method == "runge_kutta_4" else _fixed.RATES
-    rule = scene.history_rule(engine.horizon) if m else Daitche(1)
-    degree = degree_of(rule)
-    plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
-    samples = plan.start((m,))
-    memory = grain.memory._replace(horizon=(scene.steps_of(engine.horizon) + 0.5) * dt if m else math.inf)
-    state = grain.state._replace(past=np.zeros((m, 0)))
-    steps = _fixed.state_of(state.y, m, degree)
-    numbers, time, account = steps.numbers, state.numbers, grain.flight
-    record = _fixed.Record(np.zeros(ROWS), np.zeros((ROWS, n)), np.zeros((ROWS, n)))
-    fun, _layered = layered_entry(Layered(engine.model, grain.spin, np.zeros((2, n))))
-    limits = engine.problem.end, memory.horizon, engine.limits.longest
-    look, _look = look_entry(Look(engine.model, grain.bed, *limits, dt, steps, account, record))
-    problem, nothing, room = engine.problem, np.zeros((0, 0)), _fixed.room(1, n, m)
-    equation = _fixed.Equation(fun, grain.spin, problem.where, problem.strength, np.zeros(n, dtype=np.bool_), -math.inf, math.inf)
-    grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1)
-    parts = placed(_fixed.Parts(equation, grid, _fixed.stream_of(plan, samples), steps, room, room, record, look, 1, np.zeros((1, 1))))
+    def __init__(self, engine: Engine) -> None:
+        super().__init__(engine)
+        scene, m, n, dt = engine.scene, engine.members, engine.states, engine.scene.solver.dt or 0.0
+        rule = scene.history_rule(engine.horizon) if m else Daitche(1)
+        degree = degree_of(rule)
+        self.plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
+        self.samples = self.plan.start((m,))
+        self.memory = self.memory._replace(horizon=(scene.steps_of(engine.horizon) + 0.5) * dt if m else math.inf)
+        self.state = self.state._replace(past=np.zeros((m, 0)))
+        self.record = _fixed.Record(np.zeros(ROWS), np.zeros((ROWS, n)), np.zeros((ROWS, n)))
+        self._steps = _fixed.state_of(self.state.y, m, degree)
+        fun, layered = layered_entry(Layered(engine.model, self.spin, np.zeros((2, n))))
+        self._limits = dt, engine.problem.end, self.memory.horizon, engine.limits.longest
+        look, looked = look_entry(Look(engine.model, self.bed, *self._limits[1:], dt, self._steps, self.flight, self.record))
+        problem, nothing, room = engine.problem, np.zeros((0, 0)), _fixed.room(1, n, m)
+        equation = _fixed.Equation(fun, self.spin, problem.where, problem.strength, np.zeros(n, dtype=np.bool_), -math.inf, math.inf)
+        kind = _fixed.HELD if scene.solver.method == "runge_kutta_4" else _fixed.RATES
+        grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1)
+        stream = _fixed.stream_of(self.plan, self.samples)
+        self._parts = placed(_fixed.Parts(equation, grid, stream, self._steps, room, room, self.record, look, 1, np.zeros((1, 1))))
+        given = engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values
+        self._struck, struck = engine.steps(*given, empty_record(0, 0, n), np.zeros((1, 0)), problem)
+        self._kept = layered, looked, struck  # what addresses point to
+        self._depart(True)
 
-    def depart(anew: bool) -> None:
+    def _depart(self, anew: bool) -> None:
         """Set out from the state with the slip's jump, the memory being empty or not."""
-        rate = np.zeros(n)
-        grain.spin[3] = flight.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
-        flight.rates_of(engine.equation, 0.0, state.y, rate, grain.spin)
+        engine, state, samples, numbers = self.engine, self.state, self.samples, self._steps.numbers
+        d, m, rate = engine.dimensions, engine.members, np.zeros(engine.states)
+        self.spin[3] = loop.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
+        loop.rates_of(engine.equation, 0.0, state.y, rate, self.spin)
         if m and anew:
             for array in samples:
                 array[...] = 0.0
-            plan.push(samples, rate[d : d + m])
-            plan.jump(samples, state.jump.copy())
+            self.plan.push(samples, rate[d : d + m])
+            self.plan.jump(samples, state.jump.copy())
         elif m:
-            rate[d : d + m] -= problem.strength * samples.history
-            plan.jump(samples, state.jump.copy(), g=rate[d : d + m])
-        steps.recent[0] = rate
+            rate[d : d + m] -= engine.problem.strength * samples.history
+            self.plan.jump(samples, state.jump.copy(), g=rate[d : d + m])
+        self._steps.recent[0] = rate
         numbers[KNOWN], numbers[SEEN], numbers[GROWN], numbers[MATRIX] = 1.0, 0.0, 0.0, 0.0
 
-    struck, _struck = engine.steps(engine.limits, grain.bed, memory, state, grain.spin, account, grain.values, empty_record(0, 0, n), np.zeros((1, 0)), problem)
-    signal = np.zeros(2)
-    depart(True)
-    wanted = scene.run.jumps
-    rows: list[Floats] = []
-    kept: list[Floats] = [np.concatenate([[0.0], state.y, np.full(n, np.nan)])[None]]
-    jumps = np.zeros((1, len(flight.COLUMNS)))
-    while True:
+    def fly(self, record: Any, recording: bool, jumps: Floats) -> tuple[int, int]:
+        """Fly to the next impact, or until the record, which is its own, is full. (code, steps recorded)."""
+        numbers, time = self._steps.numbers, self.state.numbers
         numbers[DONE] = 0.0
-        code = ahead(time[stepper.TIME], dt, *limits, account[flight.START])
+        code = ahead(time[stepper.TIME], *self._limits, self.flight[layout.START])
         if code == stepper.ACCEPTED:
-            code = _fixed.steps(parts, 1 << 62)
+            code = _fixed.steps(self._parts, 1 << 62)
         done = int(numbers[DONE])
         if done:
-            time[stepper.TIME] = record.times[done - 1]
-        if scene.run.trajectory:
-            kept.append(np.column_stack([record.times[:done], record.states[:done], record.rates[:done]]))
+            time[stepper.TIME] = self.record.times[done - 1]
         if code == IMPACT:
-            account[flight.DONE] = 0.0
-            state.jump[:] = 0.0  # the stream has taken it up
-            invoke(struck.land, float(grain.bed.grain), signal, jumps[0], signal)
+            signal = np.zeros(2)
+            self.state.jump[:] = 0.0  # the stream has taken it up
+            invoke(self._struck.land, float(self.bed.grain), signal, jumps[0], signal)
             code = int(signal[0])
-            rows.append(jumps.copy())
-            depart(memory.rebound in (flight.RESTART, flight.RESET))
-            if scene.run.trajectory:
-                kept.append(np.concatenate([[time[stepper.TIME]], state.y, np.full(n, np.nan)])[None])
-            if progress is not None and wanted:
-                progress(min(1.0, account[flight.TAKEN] / wanted))
+            self._depart(self.memory.rebound in (layout.RESTART, layout.RESET))
             if code == stepper.ACCEPTED:
-                continue
-        if code != stepper.FULL:
-            break
-    status, message = ending(code, grain, ("failed", "the steps diverge: take a smaller solver.dt or a lower history.order"))
-    table = np.concatenate(rows) if rows else np.zeros((0, len(flight.COLUMNS)))
-    result = Result.of(engine, table, None, status, message, grain.spin[:3])
-    if scene.run.trajectory:
-        whole = np.concatenate(kept)
-        which = np.cumsum(np.isnan(whole[:, -1])) - 1  # flight of each point: rates are unknown at takeoffs alone
-        spins = np.vstack([table[:, -3:], grain.spin[:3]])
-        result._path = path_at(engine, whole[:, 0], whole[:, 1 : 1 + n], whole[:, 1 + n :], spins[which])
-    return result
+                code = stepper.FULL
+        return code, done

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from basset.kernels import Floats
 from saltation.plots.tracks import SPEEDS, Track, columns, image, meeting_places, track
-from saltation.results.cloud import CloudResult
+from saltation.results.result import Result
 
 __all__ = ["Group", "Pair", "busiest", "clean_pair", "group_of"]
 
@@ -21,19 +21,19 @@ MOST = 6  # grains in a picture
 CANDIDATES = 500  # encounters that are tried
 
 
-def encounters_of(result: CloudResult, what: str) -> pd.DataFrame:
+def encounters_of(result: Result, what: str) -> pd.DataFrame:
     """The encounters; refused where there is none."""
     if not len(result.encounters):
         raise ValueError(f"{what} needs grains that meet: the run has no encounter")
     return result.encounters
 
 
-def jump_time(result: CloudResult) -> float:
+def jump_time(result: Result) -> float:
     """Mean duration of a jump, d/u*; of a run without jumps a tenth of its time."""
     return float(result.all_jumps["duration"].mean()) if len(result.all_jumps) else 0.1 * result.time
 
 
-def settled(result: CloudResult) -> float:
+def settled(result: Result) -> float:
     """When half of the grains have done their first `run.discard` jumps, d/u*; 0 if they never do."""
     jumps = result.jumps
     return float(jumps.groupby("grain")["start"].min().median()) if len(jumps) else 0.0
@@ -68,12 +68,12 @@ class Group(NamedTuple):
     high: float
     offsets: dict[int, Floats]
 
-    def of(self, result: CloudResult) -> pd.DataFrame:
+    def of(self, result: Result) -> pd.DataFrame:
         """The encounters of its grains in its time, in the order of time; index as in the run's table.
 
         Parameters
         ----------
-        result : CloudResult
+        result : Result
 
         Returns
         -------
@@ -92,7 +92,7 @@ def members(met: pd.DataFrame, grains: Any) -> pd.DataFrame:
     return met[met["first"].isin(list(grains)) | met["second"].isin(list(grains))]
 
 
-def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: CloudResult) -> dict[int, Floats]:
+def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Result) -> dict[int, Floats]:
     """From one grain on those whom it meets, whom these meet and so on; with the offsets of their paths."""
     offsets: dict[int, Floats] = {root: np.zeros(3)}
     added = True
@@ -110,12 +110,12 @@ def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Cl
     return offsets
 
 
-def group_of(result: CloudResult, span: float) -> Group:
+def group_of(result: Result, span: float) -> Group:
     """Where in the run the most encounters lie among a handful of grains.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
         With its paths.
     span : float, d/u*
         Within what time.
@@ -146,7 +146,7 @@ def group_of(result: CloudResult, span: float) -> Group:
     return found
 
 
-def contact_points(result: CloudResult, group: Group) -> tuple[Floats, NDArray[np.bool_]]:
+def contact_points(result: Result, group: Group) -> tuple[Floats, NDArray[np.bool_]]:
     """Contact points of the encounters of a group (n, 3) in d, on the path of one of its grains; whether both grains are of the group (n,)."""
     met = group.of(result)
     first, second = (places[met.index.to_numpy()] for places in meeting_places(result))
@@ -218,7 +218,7 @@ class Pair(NamedTuple):
         return np.array([self.row[name] for name in ("n_x", "n_y", "n_z")])
 
 
-def calm_around(result: CloudResult) -> Floats:
+def calm_around(result: Result) -> Floats:
     """For every encounter the time to the nearest other contact of either of its grains, or to an end of the paths (n,), d/u*."""
     met, jumps = result.encounters, result.all_jumps
     grain = np.concatenate([jumps["grain"], met["first"], met["second"]])
@@ -233,12 +233,12 @@ def calm_around(result: CloudResult) -> Floats:
     return gaps
 
 
-def clean_pair(result: CloudResult, what: str) -> Pair:
+def clean_pair(result: Result, what: str) -> Pair:
     """The encounter that shows best: long after and before other contacts, fast along the normal, in the x–z plane.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
         With its paths.
     what : str
         Who asks, for the message where no grains meet.
@@ -272,12 +272,12 @@ def clean_pair(result: CloudResult, what: str) -> Pair:
     return Pair(row, (first, Track(second.time, second.place + offset, second.before, second.after, second.kind)), float(min(calm[best], tau)))
 
 
-def busiest(result: CloudResult, span: float) -> tuple[int, float]:
+def busiest(result: Result, span: float) -> tuple[int, float]:
     """The grain that encounters turn most across the stream without following on each other's heels, and when.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
         With its paths.
     span : float, d/u*
         Within what time.

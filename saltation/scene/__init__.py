@@ -2,8 +2,8 @@
 
 from saltation.scene.model import AUTO as AUTO
 from saltation.scene.model import LONGEST as LONGEST
-from saltation.scene.model import Basis, Bed, Channel, Cloud, Fluid, Grain, Run, Scene, SceneError, Solver, Start, load, scene_of, shipped
+from saltation.scene.model import Bed, Channel, Cloud, Fluid, Grain, Run, Scene, SceneBase, SceneError, Solver, Start, load, scene_of, shipped
 from saltation.scene.model import Chosen as Chosen
 from saltation.scene.model import read as read
 
-__all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
+__all__ = ["Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneBase", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]

@@ -11,7 +11,7 @@ import tomllib
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, create_model, model_validator
 
@@ -25,7 +25,7 @@ from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
 from saltation.grain import Numbers, numbers_of
 from saltation.scene.presets import ALL, PRESETS, Preset
 
-__all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
+__all__ = ["Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneBase", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
 
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
@@ -290,13 +290,13 @@ def _effects(value: Any) -> Any:
     return list(value)
 
 
-class Basis(Table):
+class SceneBase(Table):
     """What every scene has; `Scene` adds one table per effect.
 
     Examples
     --------
     >>> scene = load("sand")
-    >>> isinstance(scene, Basis), scene.in_plane, scene.turns, scene.horizon
+    >>> isinstance(scene, SceneBase), scene.in_plane, scene.turns, scene.horizon
     (True, False, True, 4400.0)
     >>> scene.options("drag").law
     'yen'
@@ -353,6 +353,36 @@ class Basis(Table):
         preset = self.preset.options.get(name, {}) if isinstance(self.effects, str) else {}
         return EFFECTS[name].Options(**preset)
 
+    def changed(self, **tables: Any) -> Scene:
+        """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
+
+        Parameters
+        ----------
+        **tables
+            Field -> value, or for a table a dictionary of its fields, in their units.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        SceneError
+            If there is no such scene.
+
+        Examples
+        --------
+        >>> load("sand").changed(run={"jumps": 40}, bed={"roughness": "R1"}).run.jumps
+        40
+        """
+        content = self.model_dump(exclude_none=True)
+        if "effects" in tables:
+            content.pop("chosen", None)  # it belongs to the effects that were
+        for name, value in tables.items():
+            merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
+            content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
+        return scene_of(content)
+
     @cached_property
     def numbers(self) -> Numbers:
         """The dimensionless numbers."""
@@ -383,7 +413,7 @@ class Basis(Table):
         return "magnus" in self.names or "rotation" in self.names or rebounds
 
     @model_validator(mode="after")
-    def _consistent(self) -> Basis:
+    def _consistent(self) -> SceneBase:
         names = self.names
         if self.tolerance is not None and self.effects != AUTO:
             raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
@@ -436,11 +466,22 @@ class Basis(Table):
             )
 
     @property
+    def grains(self) -> Cloud:
+        """The table [cloud] of a scene that has one."""
+        assert self.cloud is not None
+        return self.cloud
+
+    @property
+    def end(self) -> float:
+        """When the run is over, in units of d/u*; infinite where it is jumps that are counted."""
+        return math.inf if self.run.duration is None else self.run.duration / self.numbers.time
+
+    @property
     def box(self) -> tuple[float, float, float]:
         """Length, width and height in d of the volume from which a cloud sets out; a square in plan, one d wide in two dimensions."""
-        assert self.cloud is not None
-        height = 2.0 if self.cloud.layer is None else self.cloud.layer / self.grain.diameter
-        area = self.cloud.number * math.pi / 6.0 / (self.cloud.concentration * height)
+        cloud = self.grains
+        height = 2.0 if cloud.layer is None else cloud.layer / self.grain.diameter
+        area = cloud.number * math.pi / 6.0 / (cloud.concentration * height)
         return (area, 1.0, height) if self.in_plane else (math.sqrt(area), math.sqrt(area), height)
 
     def _check_numbers(self) -> None:
@@ -656,18 +697,24 @@ class Basis(Table):
 
 
 TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}
-Scene: Any = create_model(
-    "Scene",
-    __base__=Basis,
-    __doc__="""A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.
+if TYPE_CHECKING:
 
-    Examples
-    --------
-    >>> Scene.model_validate({"effects": ["weight"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
-    ('weight',)
-    """,
-    **TABLES,
-)
+    class Scene(SceneBase):
+        """A scene; the tables of effects are found by `options`."""
+
+else:
+    Scene = create_model(
+        "Scene",
+        __base__=SceneBase,
+        __doc__="""A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.
+
+        Examples
+        --------
+        >>> Scene.model_validate({"effects": ["weight"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
+        ('weight',)
+        """,
+        **TABLES,
+    )
 
 
 def sentence(error: ValidationError) -> str:
@@ -744,7 +791,7 @@ def _table(annotation: Any) -> Any:
     return next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
 
 
-def scene_of(content: Any) -> Any:
+def scene_of(content: Any) -> Scene:
     """A validated scene from a dictionary.
 
     Parameters
@@ -820,7 +867,7 @@ def read(path: str | Path) -> dict[str, Any]:
         raise SceneError(f"scene {str(path)!r} cannot be read: {error.strerror}") from None
 
 
-def load(path: str | Path) -> Any:
+def load(path: str | Path) -> Scene:
     """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
 
     Parameters

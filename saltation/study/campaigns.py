@@ -18,20 +18,18 @@ from basset import _validate
 from saltation import regressions, statistics
 from saltation._files import replacing, write
 from saltation._keys import hash_of, key_of, text_of
+from saltation.flight.cost import CHUNK, cost_of, form_of
 from saltation.grain import GRAVITY
-from saltation.results.result import key_in, packed
-from saltation.scene import AUTO, Scene, read, scene_of, shipped
+from saltation.results.files import key_in, packed
+from saltation.scene import Scene, read, scene_of, shipped
 from saltation.simulation import run
 from saltation.workers import TURN, cores, processes
 
-__all__ = ["Store", "campaign", "diameter_of", "grains", "judge", "thesis"]
+__all__ = ["Store", "diameter_of", "grains", "judge", "thesis"]
 
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "abs_deviation_angle")  # of the jumps that count; the last is |deviation_angle|
 MEANS = tuple(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se"))
 COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency")
-CHUNK = 4000  # jumps that a worker gets at a time, about half a second
-DEAR = 50  # a jump at fixed steps costs about as many of the collocation's
-FLIGHT = 1.5  # d/u*, about that of a jump
 
 
 def campaign(
@@ -42,62 +40,11 @@ def campaign(
     store: str | os.PathLike[str] | None = None,
     results: str | os.PathLike[str] | None = None,
 ) -> pd.DataFrame:
-    """Run many scenes, of one grain or of many each.
-
-    A row depends on its scene alone: neither the kind and number of workers nor the order changes a bit of it.
-
-    Parameters
-    ----------
-    scenes : iterable of Scene or of (dict, Scene)
-        A dictionary holds labels, which become columns. Scenes with effects = "auto" are first chosen one after the other, over
-        the same executor.
-    executor : concurrent.futures.Executor, optional
-        Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
-        afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
-    progress : callable or None
-        Called with the share that is done, 0 to 1 (dimensionless).
-    store : path, optional
-        A folder, made if missing. Each finished scene is kept there as a file of its own, written whole or not at all; the
-        same scenes with the same store go on where they were stopped, however that was. Files that cannot be read are ignored.
-    results : path, optional
-        A folder, made if missing, to which this process writes all that each run leaves as `<name>.nc`, for `saltation.open`;
-        `name` is a label, another one for each run. Without, paths are not kept; with, as run.trajectory says.
-
-    Returns
-    -------
-    DataFrame, one row per scene in the order given
-        The labels; mean, standard deviation (`_sd`) and standard error of the mean (`_se`) of height (d), length (d),
-        velocity (u*), spin (u*/d), takeoff_angle (degree) and abs_deviation_angle (the absolute value, degree); jumps (how many
-        count); status and message as of `Result`; clipped and creeping, shares of those jumps. NaN where no jump counts. For
-        many grains all this over the jumps of all, and bed_frequency and pair_frequency: impacts on the bed and encounters of
-        all grains per d/u*; NaN for a single grain.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For what is no scene, for a label called like a result, and with `results` for a name that is missing, no file name,
-        or given twice.
-    BrokenExecutor
-        If workers are killed again and again; what is finished is in the store.
-    OSError
-        If the store or the results cannot be written.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from concurrent.futures import ThreadPoolExecutor
-    >>> scene = saltation.load("bouncing")
-    >>> table = saltation.campaign([({"name": "a"}, scene), ({"name": "b"}, scene)], ThreadPoolExecutor(1))
-    >>> table[["name", "jumps", "status"]].values.tolist()
-    [['a', 5, 'finished'], ['b', 5, 'finished']]
-    """
-    labels, given = zip(*pairs, strict=True) if (pairs := [_labelled(item) for item in scenes]) else ((), ())
+    """Run many scenes whose effects are given; as `saltation.campaign`."""
+    labels, wanted = labelled(scenes, results is not None)
     kept = Store(store) if store is not None else None
-    if results is not None:
-        _check_names(labels)
-    wanted = _with_effects(given, executor, kept)
     if results is None:
-        wanted = tuple(scene.model_copy(update={"run": scene.run.model_copy(update={"trajectory": False})}) for scene in wanted)
+        wanted = [scene.changed(run={"trajectory": False}) for scene in wanted]
     keys = [key_of(scene) for scene in wanted]
     pending = dict(zip(keys, wanted, strict=True))  # equal scenes run once
     files = files_of(keys, labels, Path(results)) if results is not None else {key: [] for key in keys}
@@ -124,36 +71,24 @@ def campaign(
     return pd.DataFrame([{**given, **rows[key]} for given, key in zip(labels, keys, strict=True)], columns=columns)
 
 
-def _labelled(item: Any) -> tuple[dict[str, Any], Any]:
-    """(labels, scene) of one entry of a campaign."""
-    labels, scene = item if isinstance(item, tuple) and len(item) == 2 else ({}, item)
-    if not isinstance(scene, Scene) or not isinstance(labels, Mapping):
-        raise TypeError(f"scenes must hold scenes or pairs (labels, scene), got {_validate.shown(item)}")
-    for name in labels:
-        if name in COLUMNS:
-            raise ValueError(f"labels must not be called like a result, got {name!r}")
-    return dict(labels), scene
-
-
-def _with_effects(scenes: Sequence[Any], executor: Executor | None, kept: Store | None) -> tuple[Any, ...]:
-    """The scenes, effects chosen where they are to be: here, as workers cannot share out work again; each choice once, and kept in the store."""
-    choices: dict[str, Any] = {}
-    for scene in scenes:
-        if scene.effects == AUTO and (key := key_of(scene)) not in choices:
-            from saltation.study.effects import resolved
-
-            choices[key] = (kept.choice(key) if kept is not None else None) or resolved(scene, executor)
-            if kept is not None:
-                kept.put_choice(key, choices[key])
-    return tuple(choices[key_of(scene)] if scene.effects == AUTO else scene for scene in scenes)
-
-
-def _check_names(labels: Sequence[Mapping[str, Any]]) -> None:
-    """Every run needs a file of its own."""
-    names = [str(given.get("name", "")) for given in labels]
+def labelled(scenes: Iterable[Any], named: bool = False) -> tuple[list[dict[str, Any]], list[Scene]]:
+    """Labels and scenes of a campaign; `named`: each needs a file of its own."""
+    labels: list[dict[str, Any]] = []
+    wanted: list[Scene] = []
+    for item in scenes:
+        own, scene = item if isinstance(item, tuple) and len(item) == 2 else ({}, item)
+        if not isinstance(scene, Scene) or not isinstance(own, Mapping):
+            raise TypeError(f"scenes must hold scenes or pairs (labels, scene), got {_validate.shown(item)}")
+        for name in own:
+            if name in COLUMNS:
+                raise ValueError(f"labels must not be called like a result, got {name!r}")
+        labels.append(dict(own))
+        wanted.append(scene)
+    names = [str(own.get("name", "")) for own in labels] if named else []
     for name in names:
         if not name or name != Path(name).name or names.count(name) > 1:
             raise ValueError(f"results need a label 'name' for each run, a file name that no other has, got {name!r}")
+    return labels, wanted
 
 
 def files_of(keys: Sequence[str], labels: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, list[Path]]:
@@ -191,7 +126,7 @@ def _flown(key: str, result: Any, whole: bool) -> tuple[dict[str, Any], bytes]:
     return outcome(result), packed(result, key) if whole else b""
 
 
-def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
+def chunks(scenes: Mapping[str, Scene]) -> list[list[str]]:
     """Keys of scenes in handfuls of about half a second.
 
     A handful shares one compiled form, and the first of every form come first: workers then compile different things at a
@@ -210,23 +145,9 @@ def chunks(scenes: Mapping[str, Any]) -> list[list[str]]:
     return [handfuls[k] for k in range(longest) for handfuls in forms.values() if k < len(handfuls)]
 
 
-def cost_of(scene: Any) -> float:
-    """About how many jumps' worth of time a scene takes."""
-    if scene.cloud is not None:
-        return float(scene.cloud.number * scene.run.duration / scene.numbers.time / FLIGHT)
-    if scene.run.jumps is None:
-        return CHUNK
-    return float(scene.run.jumps * (1 if scene.solver.method == "collocation" else DEAR))
-
-
-def form_of(scene: Any) -> Any:
-    """What is compiled for a scene: words choose types, numbers are data."""
-    words = tuple(tuple(value for _, value in scene.options(name) if isinstance(value, str)) for name in scene.names)
-    bed = (scene.bed.rebound, scene.bed.roughness) if scene.bed is not None else None
-    return scene.names, words, scene.in_plane, scene.channel is None, scene.cloud is None, bed, scene.solver.method
-
-
-def _fly_all(handfuls: list[list[str]], scenes: Mapping[str, Any], executor: Executor | None, whole: bool) -> Iterator[dict[str, tuple[dict[str, Any], bytes]]]:
+def _fly_all(
+    handfuls: list[list[str]], scenes: Mapping[str, Scene], executor: Executor | None, whole: bool
+) -> Iterator[dict[str, tuple[dict[str, Any], bytes]]]:
     """What `fly` makes of every handful, as it comes."""
     tasks = [{key: text_of(scenes[key]) for key in handful} for handful in handfuls]
     workers = min(len(tasks), cores())
@@ -294,7 +215,7 @@ class Store:
             return None
         return row if whole else None
 
-    def choice(self, key: str) -> Any:
+    def choice(self, key: str) -> Scene | None:
         """The scene that was chosen for one that says "auto".
 
         Parameters
@@ -320,7 +241,7 @@ class Store:
             return None
         return found if found.chosen is not None and found.chosen.of == key else None
 
-    def put_choice(self, key: str, scene: Any) -> None:
+    def put_choice(self, key: str, scene: Scene) -> None:
         """Keep a choice.
 
         Parameters
@@ -346,7 +267,7 @@ class Store:
         """
         write(self.path / f"{key}.chosen.json", text_of(scene) + "\n")
 
-    def put(self, key: str, scene: Any, row: dict[str, Any]) -> None:
+    def put(self, key: str, scene: Scene, row: dict[str, Any]) -> None:
         """Keep a row; floats are written so that they come back bit for bit.
 
         Parameters
@@ -369,7 +290,7 @@ STAGES = {73.0: ("sand", (1.79, 1.87, 2.43, 2.50, 2.67)), 250.0: ("sand_coarse",
 MODEL = ("run", "set")
 
 
-def thesis() -> list[tuple[dict[str, Any], Any]]:
+def thesis() -> list[tuple[dict[str, Any], Scene]]:
     """The 256 runs of the thesis's section 3.3.2: Runs A–H × Sets 1–4 × T, 220 jumps each, the first 20 left out.
 
     Run A is the two-dimensional flight with prescribed spin (3-6) and the rebound of García & Niño, whose f is the share of
@@ -414,7 +335,7 @@ STAGES_OF_GRAINS = (2.0, 2.5, 3.0)
 LASTING = 500.0  # d/u*
 
 
-def grains() -> list[tuple[dict[str, Any], Any]]:
+def grains() -> list[tuple[dict[str, Any], Scene]]:
     """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each.
 
     The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same
@@ -449,7 +370,7 @@ def grains() -> list[tuple[dict[str, Any], Any]]:
     return result
 
 
-def diameter_of(particle_reynolds: float, scene: Any) -> float:
+def diameter_of(particle_reynolds: float, scene: Scene) -> float:
     """Diameter that gives a scene's material and fluid a particle Reynolds number R_p = √(R g d³)/ν.
 
     Parameters

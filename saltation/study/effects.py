@@ -27,7 +27,7 @@ from saltation.effects.base import Setting, Situation
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flow import PROFILES, both
-from saltation.scene import AUTO, LONGEST, SceneError, scene_of
+from saltation.scene import LONGEST, Scene, SceneError
 from saltation.simulation import run
 from saltation.study.campaigns import campaign
 
@@ -103,7 +103,7 @@ class Typical:
     spin: float
 
 
-def typical(scene: Any) -> Typical:
+def typical(scene: Scene) -> Typical:
     """The jump that the published regressions give at the scene's R_p and T (at least T = 1.2); in still water one diameter high.
 
     Parameters
@@ -143,7 +143,7 @@ def typical(scene: Any) -> Typical:
     return Typical(height, 2.0 * rise / fall, rise, speed, spin)
 
 
-def advise(scene: Any) -> list[Verdict]:
+def advise(scene: Scene) -> list[Verdict]:
     """Which effects a scene calls for, from its dimensionless numbers alone.
 
     Parameters
@@ -183,7 +183,7 @@ def advise(scene: Any) -> list[Verdict]:
     return verdicts
 
 
-def _share(scene: Any, name: str, module: Any, setting: Setting, jump: Typical, weight: float) -> tuple[float, str]:
+def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical, weight: float) -> tuple[float, str]:
     """(share, reason) of one effect."""
     numbers = setting.numbers
     options = scene.options(name)
@@ -218,7 +218,7 @@ def _share(scene: Any, name: str, module: Any, setting: Setting, jump: Typical, 
     return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
 
 
-def _situation(scene: Any, jump: Typical, when: float, where: float) -> Situation:
+def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:
     """The grain in its typical jump."""
     z = 0.75 + where * jump.height
     stream, shear = both(scene.profile, z)
@@ -228,38 +228,21 @@ def _situation(scene: Any, jump: Typical, when: float, where: float) -> Situatio
 # Leaving out
 
 
-def changed(scene: Any, **tables: Any) -> Any:
-    """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
-
-    Raises
-    ------
-    SceneError
-        If there is no such scene.
-    """
-    content = scene.model_dump(exclude_none=True)
-    if "effects" in tables:
-        content.pop("chosen", None)  # it belongs to the effects that were
-    for name, value in tables.items():
-        merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
-        content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
-    return scene_of(content)
-
-
-def without(scene: Any, left_out: Iterable[str]) -> Any:
+def without(scene: Scene, left_out: Iterable[str]) -> Scene:
     """The scene without some effects."""
     gone = set(left_out)
-    return changed(scene, effects=[name for name in scene.names if name not in gone])
+    return scene.changed(effects=[name for name in scene.names if name not in gone])
 
 
-def listed(scene: Any) -> Any:
+def listed(scene: Scene) -> Scene:
     """The scene with its effects by name: what a preset or "auto" stands for is written out, options and dimensions too."""
     if not isinstance(scene.effects, str):
         return scene
     options = {name: scene.options(name).model_dump(exclude_none=True) for name in scene.preset.options}
-    return changed(scene, effects=list(scene.names), tolerance=None, dimensions=2 if scene.in_plane else 3, **options)
+    return scene.changed(effects=list(scene.names), tolerance=None, dimensions=2 if scene.in_plane else 3, **options)
 
 
-def long(scene: Any, jumps: int) -> Any:
+def long(scene: Scene, jumps: int) -> Scene:
     """The scene with so many jumps that count; a run for a time stays as long as it is.
 
     A horizon that is given holds for the scene's own number of jumps: it grows with them. One that is shorter than the default
@@ -269,24 +252,25 @@ def long(scene: Any, jumps: int) -> Any:
         return scene
     wanted = jumps + scene.run.discard
     tables: dict[str, Any] = {"run": {"jumps": wanted}}
-    if scene.history is not None and scene.history.horizon is not None:
-        usual = changed(scene, **tables, history={"horizon": None})
-        horizon = min(LONGEST, scene.history.horizon * max(1.0, wanted / scene.run.jumps))
+    given = scene.options("history").horizon
+    if given is not None:
+        usual = scene.changed(**tables, history={"horizon": None})
+        horizon = min(LONGEST, given * max(1.0, wanted / scene.run.jumps))
         tables["history"] = {"horizon": horizon if horizon > usual.horizon else None}
-    return changed(scene, **tables)
+    return scene.changed(**tables)
 
 
-def fly(scenes: dict[str, Any], jumps: int, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
+def fly(scenes: dict[str, Scene], jumps: int, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
     """The campaign over scenes with so many jumps; index: their names."""
     return campaign([({"case": name}, long(scene, jumps)) for name, scene in scenes.items()], executor, progress=progress).set_index("case")
 
 
-def flown(table: pd.DataFrame, scene: Any) -> int:
+def flown(table: pd.DataFrame, scene: Scene) -> int:
     """How many jumps were flown for a table, those that are discarded too."""
     return int(table["jumps"].sum()) + len(table) * int(scene.run.discard)
 
 
-def enough(scenes: dict[str, Any], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
+def enough(scenes: dict[str, Scene], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
     """The campaign with as many jumps as the mean height of the first scene needs for a relative standard error; (table, that number, jumps flown)."""
     report = progress or (lambda done: None)
     table = fly(scenes, PILOT, executor, lambda done: report(0.5 * done))
@@ -312,7 +296,7 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
     return found
 
 
-def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
+def ablate(scene: Scene, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
     """Run a scene with each of its effects left out, one at a time, all with the scene's seed.
 
     Parameters
@@ -354,7 +338,7 @@ def ablate(scene: Any, executor: Executor | None = None, *, error: float = 0.01,
     return table
 
 
-def reduced(scene: Any) -> dict[str, Any]:
+def reduced(scene: Scene) -> dict[str, Scene]:
     """The full scene, and without each of its effects that can be left out."""
     require_bed(scene)
     full = listed(scene)
@@ -365,17 +349,17 @@ def reduced(scene: Any) -> dict[str, Any]:
     return cases
 
 
-def require_bed(scene: Any) -> None:
+def require_bed(scene: Scene) -> None:
     """Only jumps can be compared."""
     if scene.bed is None:
         raise SceneError("bed is missing: it is jumps that are compared, and without a bed there are none")
 
 
-def costs(scenes: dict[str, Any]) -> pd.Series:
+def costs(scenes: dict[str, Scene]) -> pd.Series:
     """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
     found = pd.Series(math.nan, index=list(scenes))
     if all(scene.run.jumps is not None for scene in scenes.values()):
-        timed = {name: changed(scene, run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
+        timed = {name: scene.changed(run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
         finish = {name: partial(run, scene) for name, scene in timed.items() if run(scene).status == "finished"}
         found.update(pd.Series(measure.interleaved(finish, rounds=5, patience=60.0), dtype=float))
     return found / found.iloc[0]
@@ -393,7 +377,7 @@ def bound(row: pd.Series) -> float:
     return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
 
 
-def choose(scene: Any, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
+def choose(scene: Scene, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Scene:
     """The scene with few effects: those that keep its mean H, L and ū within a tolerance of those with all of them.
 
     Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out
@@ -440,7 +424,7 @@ def choose(scene: Any, tolerance: float | None = None, executor: Executor | None
     raw, count, total = enough(cases, SHARPNESS * tolerance, executor, progress)
     tried: list[dict[str, Any]] = []
 
-    def settled(raw: pd.DataFrame, scenes: dict[str, Any]) -> pd.DataFrame:
+    def settled(raw: pd.DataFrame, scenes: dict[str, Scene]) -> pd.DataFrame:
         """The comparison, what is undecided flown with more and more jumps."""
         nonlocal total
         jumps = count
@@ -497,17 +481,12 @@ def choose(scene: Any, tolerance: float | None = None, executor: Executor | None
         "tried": tried,
         "jumps": total,
     }
-    return changed(chosen, chosen=evidence)
+    return chosen.changed(chosen=evidence)
 
 
 def means(row: pd.Series) -> dict[str, float]:
     """Mean H, L and ū, as far as there are any."""
     return {name: float(row[name]) for name in VARIABLES if math.isfinite(row[name])}
-
-
-def resolved(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> Any:
-    """The scene itself, or with effects = "auto" what `choose` makes of it."""
-    return choose(scene, None, executor, progress=progress) if scene.effects == AUTO else scene
 
 
 def shown(row: pd.Series) -> float | str:
@@ -519,7 +498,7 @@ def shown(row: pd.Series) -> float | str:
 # Other choices
 
 
-def variants(scene: Any) -> dict[str, dict[str, Any]]:
+def variants(scene: Scene) -> dict[str, dict[str, Scene]]:
     """Scenes that differ from this one in one choice; what makes no scene is left out.
 
     Parameters
@@ -535,20 +514,20 @@ def variants(scene: Any) -> dict[str, dict[str, Any]]:
     --------
     >>> import saltation
     >>> found = variants(saltation.load("sand"))
-    >>> all(isinstance(scene, saltation.scene.Basis) for values in found.values() for scene in values.values())
+    >>> all(isinstance(scene, saltation.scene.SceneBase) for values in found.values() for scene in values.values())
     True
     """
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, dict[str, Scene]] = {}
     for choice, values in _choices(scene).items():
         for value, change in values.items():
             try:
-                found.setdefault(choice, {})[value] = changed(scene, **change)
+                found.setdefault(choice, {})[value] = scene.changed(**change)
             except SceneError:
                 continue
     return found
 
 
-def _choices(scene: Any) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
+def _choices(scene: Scene) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
     """What measurement has not settled: choice -> value -> table -> field -> value; a law for smooth beds only where the bed is."""
     tables: dict[str, dict[str, dict[str, Any]]] = {}
     if scene.channel is not None:
@@ -565,7 +544,7 @@ def _choices(scene: Any) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
     return tables
 
 
-def uncertainty(scene: Any, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
+def uncertainty(scene: Scene, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
     """The spread over the choices that measurement has not settled, one at a time, beside the standard error.
 
     Parameters
@@ -638,7 +617,7 @@ def spreads(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def combinations(scene: Any, executor: Executor | None = None, *, progress: Progress | None = None) -> pd.DataFrame:
+def combinations(scene: Scene, executor: Executor | None = None, *, progress: Progress | None = None) -> pd.DataFrame:
     """Every choice combined with every other, some hundred runs of 300 jumps each.
 
     Parameters
@@ -677,7 +656,7 @@ def combinations(scene: Any, executor: Executor | None = None, *, progress: Prog
             for table, fields in choices[choice][value].items():
                 tables[table] = tables.get(table, {}) | fields
         with contextlib.suppress(SceneError):  # what makes no scene
-            labelled.append((dict(zip(choices, values, strict=True)), changed(scene, **tables)))
+            labelled.append((dict(zip(choices, values, strict=True)), scene.changed(**tables)))
     return campaign(labelled, executor, progress=progress)[[*choices, "status", *VARIABLES]]
 
 

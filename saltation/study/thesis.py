@@ -13,7 +13,7 @@ from scipy.stats import mannwhitneyu
 
 from basset.kernels import Floats
 from saltation import statistics
-from saltation.results.cloud import CloudResult
+from saltation.results.result import Result
 
 __all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
 
@@ -104,12 +104,12 @@ def mean_error(jumps: pd.DataFrame, column: str, seed: int = 0, resamples: int =
     return math.sqrt(variance)
 
 
-def compare(meeting: CloudResult, passing: CloudResult) -> pd.DataFrame:
+def compare(meeting: Result, passing: Result) -> pd.DataFrame:
     """Jumps of a run with and of one without encounters: figs 4-10 to 4-12, the thesis's test and one that knows of correlation.
 
     Parameters
     ----------
-    meeting, passing : CloudResult
+    meeting, passing : Result
         With encounters, and without.
 
     Returns
@@ -156,12 +156,12 @@ def two_sided(difference: float, error: float) -> float:
     return 1.0 if difference == 0.0 else math.erfc(abs(difference) / error / math.sqrt(2.0)) if error != 0.0 else 0.0
 
 
-def changes(result: CloudResult) -> pd.DataFrame:
+def changes(result: Result) -> pd.DataFrame:
     """What each encounter changes, after minus before, of both grains: thesis figs 4-13 to 4-15.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
 
     Returns
     -------
@@ -204,12 +204,12 @@ def distribution(changed: pd.DataFrame) -> pd.DataFrame:
 # How they spread
 
 
-def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, int]:
+def ensemble(result: Result, again: bool = False) -> tuple[Floats, Floats, int]:
     """Displacements of all grains that stay to the end, shifted to one release point.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
         With its paths.
     again : bool
         Release each grain not once, where it sets out, as the thesis does, but again and again, every `RELEASES` mean durations of
@@ -260,12 +260,12 @@ def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, 
     return lags, np.concatenate(members), len(starts)
 
 
-def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
+def exponents(result: Result, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
     """γ of ⟨X'²⟩ and ⟨Y'²⟩ ∝ t^(2γ) in the three ranges, with intervals from the scatter over grains.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
         With its paths.
     seed, resamples : int
         Of the draws.
@@ -314,12 +314,12 @@ def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.Da
 # How many jumps a mean needs
 
 
-def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
+def convergence(result: Result, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
     """Means of height and length over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
 
     Parameters
     ----------
-    result : CloudResult
+    result : Result
     counts : sequence of int
         n.
 
@@ -351,7 +351,7 @@ def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataF
 # All of it
 
 
-def analyses(table: pd.DataFrame, opened: Callable[[str], CloudResult]) -> dict[str, pd.DataFrame]:
+def analyses(table: pd.DataFrame, opened: Callable[[str], Result]) -> dict[str, pd.DataFrame]:
     """All tables of the 24 runs of Table 4-1, or of others with such labels.
 
     Parameters

@@ -20,9 +20,9 @@ from click.testing import CliRunner
 import saltation
 from saltation import _keys, cli, regressions, statistics
 from saltation._keys import key_of
-from saltation.cloud import run_cloud
-from saltation.results.result import unpacked
+from saltation.results.files import unpacked
 from saltation.scene import read, scene_of
+from saltation.simulation import run_cloud
 from saltation.study import campaigns
 from saltation.study.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
 from saltation.workers import Processes, cores, processes
@@ -398,7 +398,7 @@ def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path):
 @pytest.mark.parametrize("meeting", [False, True])
 def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkeypatch):
     """In processes of their own, whose tables of step sizes are empty as they start."""
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     scene, shares, blocks = cloud(meeting), [], []
 
     class Counting(ThreadPoolExecutor):
@@ -415,7 +415,7 @@ def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkey
 
 
 def test_blocks_from_which_grains_leave(monkeypatch):
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     scene = cloud(False)
     scene = scene.model_copy(update={"run": scene.run.model_copy(update={"longest_flight": 1.5})})
     with ThreadPoolExecutor(1) as executor:
@@ -426,7 +426,7 @@ def test_blocks_from_which_grains_leave(monkeypatch):
 
 
 def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     opened = []
 
     def first_fails(content):
@@ -435,9 +435,9 @@ def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
             opened[0].status = "failed"
         return opened[-1]
 
-    monkeypatch.setattr("saltation.cloud.unpacked", first_fails)
+    monkeypatch.setattr("saltation.simulation.unpacked", first_fails)
     whole = saltation.run(cloud(False))
-    monkeypatch.setattr("saltation.cloud.run_cloud", lambda scene, *rest, grains=None: whole if grains is None else run_cloud(scene, grains=grains))
+    monkeypatch.setattr("saltation.simulation.run_cloud", lambda scene, *rest, grains=None: whole if grains is None else run_cloud(scene, grains=grains))
     with ThreadPoolExecutor(1) as executor:
         assert saltation.run(cloud(False), executor=executor) is whole
     assert len(opened) > 1
@@ -445,7 +445,7 @@ def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
 
 def test_what_an_executor_is_not_for(tmp_path):
     with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(ValueError, match="executor is for scenes with a \\[cloud\\]"):
+        with pytest.raises(ValueError, match="executor needs a multi-grain scene"):
             saltation.run(sand(), executor=executor)
         with pytest.raises(ValueError, match="either an output or an executor"):
             saltation.run(cloud(), output=tmp_path / "out", executor=executor)

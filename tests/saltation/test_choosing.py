@@ -12,11 +12,12 @@ from click.testing import CliRunner
 from scene_cases import merged
 
 import saltation
-from saltation import cli, simulation
+from saltation import cli, front
 from saltation._keys import key_of, text_of
 from saltation.effects import EFFECTS
 from saltation.plots import choices as advice_plots
-from saltation.results.cloud import WORDS, words_of
+from saltation.results.files import WORDS, words_of
+from saltation.results.folder import begun
 from saltation.scene import SceneError, scene_of, shipped
 from saltation.study import effects as advice
 from saltation.workers import Here
@@ -270,7 +271,7 @@ class TestAuto:
 
     def test_a_campaign_chooses_once_and_goes_on_with_it(self, three, tmp_path, monkeypatch):
         chosen = []
-        monkeypatch.setattr(advice, "resolved", lambda scene, executor: chosen.append(scene) or advice.choose(scene, None, executor))
+        monkeypatch.setattr(front, "choose", lambda scene, *rest: chosen.append(scene) or advice.choose(scene, *rest))
         scenes = [({"name": name}, three) for name in "ab"]
         first = saltation.campaign(scenes, Here(), store=tmp_path)
         again = saltation.campaign(scenes, Here(), store=tmp_path)
@@ -279,22 +280,22 @@ class TestAuto:
 
     def test_a_run_in_a_folder_goes_on_with_its_choice(self, tmp_path, monkeypatch):
         auto = scene_of(merged(saltation.load("sand_cloud").model_dump(exclude_none=True), {"effects": "auto"}))
-        assert simulation.begun(auto, tmp_path) is None
-        made = advice.changed(auto, effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
+        assert begun(auto, tmp_path) is None
+        made = auto.changed(effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
         (tmp_path / "run.json").write_text(words_of(dict.fromkeys(WORDS) | {"scene": json.loads(text_of(made))}))
-        assert simulation.begun(auto, tmp_path) == made
-        assert simulation.begun(advice.changed(auto, run={"seed": 2}), tmp_path) is None
+        assert begun(auto, tmp_path) == made
+        assert begun(auto.changed(run={"seed": 2}), tmp_path) is None
 
     def test_evidence_belongs_to_its_effects(self):
         scene = saltation.load("sand")
-        made = advice.changed(scene, chosen=EVIDENCE | {"kept": list(scene.names)})
+        made = scene.changed(chosen=EVIDENCE | {"kept": list(scene.names)})
         assert advice.without(made, ["lift"]).chosen is None
         with pytest.raises(SceneError, match="chosen is written with the effects"):
-            advice.changed(scene, chosen=EVIDENCE)
+            scene.changed(chosen=EVIDENCE)
 
     def test_arguments_are_looked_at_first(self, three, monkeypatch):
-        monkeypatch.setattr(advice, "choose", lambda *_, **__: pytest.fail("chosen before"))
-        with pytest.raises(ValueError, match="executor is for scenes with a"):
+        monkeypatch.setattr(front, "choose", lambda *_, **__: pytest.fail("chosen before"))
+        with pytest.raises(ValueError, match="executor needs a multi-grain scene"):
             saltation.run(three, executor=Here())
         with pytest.raises(ValueError, match="results need a label 'name'"):
             saltation.campaign([three], Here(), results="nowhere")
@@ -326,7 +327,7 @@ class TestOtherChoices:
         assert all(case.in_plane and case.options("rotation").law == "prescribed" for case in advice.reduced(made).values())
 
     def test_a_longer_run_has_a_memory_as_long(self):
-        made = advice.changed(saltation.load("sand"), history={"horizon": 500.0})
+        made = saltation.load("sand").changed(history={"horizon": 500.0})
         assert advice.long(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
 
     def test_a_grain_as_heavy_as_its_fluid_has_no_typical_jump(self):
@@ -439,7 +440,7 @@ def test_force_takes_nothing_away_before_the_choice_is_made(tmp_path, monkeypatc
         raise KeyboardInterrupt
 
     (tmp_path / "run.json").write_text("{}")
-    monkeypatch.setattr(advice, "resolved", interrupted)
+    monkeypatch.setattr(front, "resolved", interrupted)
     out = CliRunner().invoke(cli.main, ["run", "sand_cloud", "--set", "effects=auto", "--output", str(tmp_path), "--force"])
     assert out.exit_code == 130 and "stopped" in out.stderr
     assert (tmp_path / "run.json").exists()

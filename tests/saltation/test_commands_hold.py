@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scene_cases import cloud_scene, flown, merged, scene
 
 import saltation
-from saltation import cli, simulation
+from saltation import cli, front, simulation
 from saltation.plots.run import PLOTS
 from saltation.scene import shipped
 from saltation.study import campaigns
@@ -84,7 +84,7 @@ def test_a_campaign_is_written_before_it_is_printed(tmp_path, monkeypatch):
         raise RuntimeError("no")
 
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 200}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     for name in ("print_means", "print_ranking"):
         monkeypatch.setattr(cli, name, refuse)
     (tmp_path / "own").mkdir()
@@ -95,7 +95,7 @@ def test_a_campaign_is_written_before_it_is_printed(tmp_path, monkeypatch):
 def test_own_scenes_at_several_stages_need_no_ranking(tmp_path, monkeypatch):
     """Scenes of one name at one stage, and still water: tables, not refusals; asked for by name, one sentence."""
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 200}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     (tmp_path / "sand.toml").write_bytes(shipped()["sand"].read_bytes())
     own = ["campaign", str(tmp_path / "sand.toml"), "--output", str(tmp_path / "c")]
     (tmp_path / "c").mkdir()
@@ -253,7 +253,7 @@ def test_names_that_are_no_utf_8(tmp_path, monkeypatch):
     out = invoke("plot", tmp_path / f"{name}.nc", "--figure", "jumps")
     assert out.exit_code == 0 and (tmp_path / f"{name}.png").exists()
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 5}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     (tmp_path / f"{name}.folder").mkdir()
     out = invoke("campaign", tmp_path / f"{name}.toml", "--output", tmp_path / f"{name}.folder")
     assert out.exit_code == 0, (out.output, out.exception)
@@ -284,7 +284,7 @@ def test_no_command_line_ends_in_a_traceback(changes, vary):
         ["campaign", "bouncing", *options, *(part for value in vary for part in ("--vary", f"run.seed={value}"))],
     ):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(campaigns, "campaign", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
+            patch.setattr(front, "campaign", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
             patch.setattr(advice, "advise", lambda made: [])
             out = CliRunner().invoke(cli.main, command)
         assert out.exit_code in (0, 2), (out.output, out.exception)
@@ -301,7 +301,7 @@ def test_no_command_line_ends_in_a_traceback(changes, vary):
 def test_no_list_of_words_ends_in_a_traceback(words):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saltation, "run", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
-        patch.setattr(advice, "resolved", lambda made, *_, **__: made)
+        patch.setattr(front, "resolved", lambda made, *_, **__: made)
         for name in ("ablate", "uncertainty"):
             patch.setattr(advice, name, lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
         out = CliRunner().invoke(cli.main, words)

@@ -7,7 +7,7 @@ from scene_cases import scene
 
 import saltation
 from saltation.flight.setup import Engine
-from saltation.simulation import warm
+from saltation.front import warm
 
 SETS = (
     {"effects": ["weight", "drag"], "history": None, "dimensions": 2},

@@ -91,8 +91,8 @@ def short(folder, monkeypatch):
     monkeypatch.chdir(folder)
     for name in ("PILOT", "MOST", "TIMED"):
         monkeypatch.setattr(advice, name, 4)
-    thesis = [(labels, advice.changed(scene, run=SHORT)) for labels, scene in campaigns.thesis()[:2]]
-    brief = [(labels, advice.changed(scene, run={"duration": 0.02 * scene.run.duration})) for labels, scene in campaigns.grains()[:2]]
+    thesis = [(labels, scene.changed(run=SHORT)) for labels, scene in campaigns.thesis()[:2]]
+    brief = [(labels, scene.changed(run={"duration": 0.02 * scene.run.duration})) for labels, scene in campaigns.grains()[:2]]
     monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: thesis, "grains": lambda: brief})
 
 
