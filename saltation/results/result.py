@@ -392,6 +392,7 @@ class Result:
         Examples
         --------
         >>> import tempfile
+        >>> from pathlib import Path
         >>> import saltation
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     saltation.run(saltation.load("bouncing")).save(Path(folder) / "out.nc")
