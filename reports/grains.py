@@ -16,7 +16,7 @@ from saltation.plots import film as animation
 from saltation.results.result import Result
 from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import scene_of
-from saltation.study.thesis import RANGES
+from saltation.study.grains import RANGES
 
 LOW, HIGH = 0.0013, 0.0233
 WITH, WITHOUT = "encounters, history", "no encounters, history"

@@ -39,22 +39,21 @@ if TYPE_CHECKING:
     from saltation.plots import choices as advice_plots
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
-    from saltation.study import campaigns, checks
+    from saltation.study import campaigns, checks, choices, grains, thesis
     from saltation.study import effects as advice
-    from saltation.study import thesis as grains
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
     pd, _validate = Later("pandas"), Later("basset._validate")
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
-    advice, advice_plots, campaigns, checks, front, grains, statistics = (
-        Later(f"saltation.{name}") for name in ("study.effects", "plots.choices", "study.campaigns", "study.checks", "front", "study.thesis", "statistics")
-    )
+    campaigns, checks, choices = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices"))
+    advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
+    advice_plots, front, statistics = (Later(f"saltation.{name}") for name in ("plots.choices", "front", "statistics"))
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-SERIES = {name: Later("saltation.study.campaigns", name) for name in ("thesis", "grains")}
+SERIES = {name: Later("saltation.study.thesis", name) for name in ("thesis", "grains")}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
 OWN = {  # what the thesis's runs differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
@@ -265,18 +264,18 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
     """
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
-        table = advice.uncertainty(made, error=error, progress=report)
+        table = choices.uncertainty(made, error=error, progress=report)
     deliver(output, table, partial(advice_plots.spread, scene=named(scene)))
     out = console()
     print_changes(out, table.set_index(["choice", "value"]))
     if combined:
         with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
-            everything = advice.combinations(made, progress=report)
+            everything = choices.combinations(made, progress=report)
         print_combinations(out, everything, made)
     tell_written(output)
 
 
-def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Any:
+def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:
     """The scene; mistakes are found before anything is computed."""
     if not 1e-3 <= error <= 0.5:
         raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
@@ -364,7 +363,7 @@ def campaign(
             try:
                 if table["stage"].isna().any():
                     raise ValueError("it needs a stream in every scene")
-                ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
+                ranking = thesis.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
             except ValueError as error:
                 raise Mistake(f"written: {named(output / 'table.csv')}; no ranking: {error}") from None
             tables = {"ranking": ranking}
@@ -473,7 +472,7 @@ def take_away(path: Path) -> None:
                 file.unlink(missing_ok=True)
 
 
-def open_result(path: Path) -> Any:
+def open_result(path: Path) -> Result:
     """A result from a file or a folder."""
     try:
         return saltation.open(path)
@@ -531,7 +530,7 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
             if any(f"{own}.".startswith(f"{field}.") or f"{field}.".startswith(f"{own}.") for own in OWN[series]):
                 raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
         base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in SERIES[series]()]
-        models = list(campaigns.MODEL)
+        models = list(thesis.MODEL)
     else:
         stems = [Path(name).stem for name in what]
         base = [({"scene": named(stem if stems.count(stem) == 1 else name)}, read(name)) for stem, name in zip(stems, what, strict=True)]
@@ -681,9 +680,9 @@ def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     from saltation.results.tables import UNITS
 
     shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
-    for quantile, row in advice.extent(table).iterrows():
+    for quantile, row in choices.extent(table).iterrows():
         shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))
-    for choice, row in advice.shares(table).iterrows():
+    for choice, row in choices.shares(table).iterrows():
         shown.add_row(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES))
     out.print(shown)
 

@@ -16,7 +16,7 @@ from saltation.results.result import Result
 from saltation.scene import AUTO, Scene
 from saltation.study import campaigns
 from saltation.study.effects import choose
-from saltation.workers import Here
+from saltation.workers import SerialExecutor
 
 __all__ = ["campaign", "run"]
 
@@ -75,7 +75,7 @@ def run(
         raise ValueError("executor needs a multi-grain scene; use saltation.campaign(scenes, executor) for several scenes")
     if scene.cloud is None and output is not None:
         raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
-    return simulation.run(resolved(scene, executor or Here(), output), progress, output, executor)
+    return simulation.run(resolved(scene, executor or SerialExecutor(), output), progress, output, executor)
 
 
 def campaign(
@@ -151,6 +151,6 @@ def campaign(
 
 def warm(scene: Scene) -> None:
     """Run a scene as shortly as possible, for what that compiles: the types are those of the whole run."""
-    scene, run = resolved(scene, Here()), scene.run
+    scene, run = resolved(scene, SerialExecutor()), scene.run
     length: dict[str, Any] = {"jumps": 1, "discard": 0} if run.duration is None else {"duration": min(run.duration, scene.numbers.time)}
     simulation.run(scene.changed(run=length))

@@ -46,7 +46,7 @@ STATUS = {
     layout.JUMPS: ("finished", "all jumps are done"),
     stepper.END: ("finished", "the time is over"),
     layout.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
-    layout.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain does not come down in that time"),
+    layout.ALOFT: ("aloft", "flight time exceeded run.longest_flight (grain suspended)"),
     layout.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
     stepper.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
     stepper.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),

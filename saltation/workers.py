@@ -45,7 +45,7 @@ class Processes(Executor):
         self._lock = threading.Lock()
         self._over = False
         self._tasks: queue.SimpleQueue[tuple[Future[Any], Any] | None] = queue.SimpleQueue()
-        with _deaf():  # what starts deaf to interrupts stays so, from its first line on
+        with ignore_sigint():  # what starts deaf to interrupts stays so, from its first line on
             self._workers = [_start() for _ in range(workers)]
         self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(workers)]
         for thread in self._threads:
@@ -101,7 +101,7 @@ class Processes(Executor):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> bool | None:
         """After an error or an interrupt the workers end at once."""
-        with _deaf():
+        with ignore_sigint():
             if kind is not None:
                 with self._lock:
                     self._over = True
@@ -151,12 +151,12 @@ class Processes(Executor):
         return True
 
 
-class Here(Executor):
+class SerialExecutor(Executor):
     """An executor that does each task at once, in this process: for callers that must not start others.
 
     Examples
     --------
-    >>> Here().submit(pow, 2, 10).result()
+    >>> SerialExecutor().submit(pow, 2, 10).result()
     1024
     """
 
@@ -257,7 +257,7 @@ def _work(pipe: Connection) -> None:
 
 
 @contextlib.contextmanager
-def _deaf() -> Iterator[None]:
+def ignore_sigint() -> Iterator[None]:
     """Interrupts are ignored; where signals cannot be set (not the main thread) nothing happens."""
     try:
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)

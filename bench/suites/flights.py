@@ -24,7 +24,7 @@ from bench.grains import at_fixed_steps, base, changed
 from saltation.flight import layout
 from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.scene import scene_of
-from saltation.study import campaigns
+from saltation.study import thesis
 
 RTOL = 1e-5  # of what a jump may cost
 JUMPS = 400  # timed
@@ -297,7 +297,7 @@ def campaign(full: bool) -> dict[str, Any]:
     """The thesis's runs on two cores by the command, start-up included, everything compiled before."""
     if not full:
         return {"status": "skipped", "reason": "only with --full"}
-    runs = len(campaigns.thesis())
+    runs = len(thesis.thesis())
     times = []
     for _ in range(2):  # the first may have to compile
         with tempfile.TemporaryDirectory() as folder:

@@ -25,7 +25,7 @@ from saltation.plots.highlights import Group, busiest, clean_pair, contact_point
 from saltation.plots.run import SPREAD, draw_moments, styled
 from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
 from saltation.results.result import Result
-from saltation.study.thesis import RANGES
+from saltation.study.grains import RANGES
 
 __all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
 

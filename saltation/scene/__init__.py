@@ -2,8 +2,10 @@
 
 from saltation.scene.model import AUTO as AUTO
 from saltation.scene.model import LONGEST as LONGEST
-from saltation.scene.model import Bed, Channel, Cloud, Fluid, Grain, Run, Scene, SceneBase, SceneError, Solver, Start, load, scene_of, shipped
-from saltation.scene.model import Chosen as Chosen
+from saltation.scene.model import Scene, SceneBase, load, scene_of, shipped
 from saltation.scene.model import read as read
+from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Run, SceneError, Solver, Start
 
-__all__ = ["Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneBase", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
+__all__ = [
+    "Bed", "Channel", "Chosen", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneBase", "SceneError", "Solver", "Start", "load", "scene_of", "shipped",
+]  # fmt: skip

@@ -1,15 +1,13 @@
 """Which effects a scene calls for: told from its dimensionless numbers, measured by leaving each out, chosen within a tolerance.
 
 A force is judged in a typical jump of the published regressions, by its own formula: what is estimated is what would be
-computed. `ablate` measures, `choose` decides by measurement, `uncertainty` shows what the other choices of a scene do.
+computed. `ablate` measures, `choose` decides by measurement.
 """
 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
-from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -19,29 +17,25 @@ import numpy as np
 import pandas as pd
 
 from basset import measure
-from saltation import regressions, statistics
+from saltation import regressions
 from saltation._keys import key_of
-from saltation.bed.roughness import READINGS
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting, Situation
-from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
-from saltation.flow import PROFILES, both
-from saltation.scene import LONGEST, Scene, SceneError
+from saltation.flow import both
+from saltation.scene import Scene, SceneError
 from saltation.simulation import run
-from saltation.study.campaigns import campaign
+from saltation.study import cases
+from saltation.study.cases import VARIABLES, Progress, compare, enough, flown, fly, listed, require_bed, without
 
-__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "combinations", "extent", "shares", "spreads", "typical", "uncertainty", "variants"]
+__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "typical"]
 
-VARIABLES = statistics.VARIABLES
 MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
-PILOT, MOST, TIMED = 400, 20000, 100  # jumps: of a first look, of any run, of a timed one
+TIMED = 100  # jumps of a timed run
 BOUND = 1.96  # standard errors
 TOLERANCE = 0.05  # of a choice, unless the scene gives one
 SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
-Progress = Callable[[float], None]
 SMOOTH = 5.0  # k_s+: up to here a bed is smooth
-COMBINED = 300  # jumps of each combination of choices
 NEEDED = ("weight",)  # without it nothing comes down
 PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
 
@@ -228,74 +222,6 @@ def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situat
 # Leaving out
 
 
-def without(scene: Scene, left_out: Iterable[str]) -> Scene:
-    """The scene without some effects."""
-    gone = set(left_out)
-    return scene.changed(effects=[name for name in scene.names if name not in gone])
-
-
-def listed(scene: Scene) -> Scene:
-    """The scene with its effects by name: what a preset or "auto" stands for is written out, options and dimensions too."""
-    if not isinstance(scene.effects, str):
-        return scene
-    options = {name: scene.options(name).model_dump(exclude_none=True) for name in scene.preset.options}
-    return scene.changed(effects=list(scene.names), tolerance=None, dimensions=2 if scene.in_plane else 3, **options)
-
-
-def long(scene: Scene, jumps: int) -> Scene:
-    """The scene with so many jumps that count; a run for a time stays as long as it is.
-
-    A horizon that is given holds for the scene's own number of jumps: it grows with them. One that is shorter than the default
-    is left out, so that the memory follows the flights.
-    """
-    if scene.run.jumps is None:
-        return scene
-    wanted = jumps + scene.run.discard
-    tables: dict[str, Any] = {"run": {"jumps": wanted}}
-    given = scene.options("history").horizon
-    if given is not None:
-        usual = scene.changed(**tables, history={"horizon": None})
-        horizon = min(LONGEST, given * max(1.0, wanted / scene.run.jumps))
-        tables["history"] = {"horizon": horizon if horizon > usual.horizon else None}
-    return scene.changed(**tables)
-
-
-def fly(scenes: dict[str, Scene], jumps: int, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
-    """The campaign over scenes with so many jumps; index: their names."""
-    return campaign([({"case": name}, long(scene, jumps)) for name, scene in scenes.items()], executor, progress=progress).set_index("case")
-
-
-def flown(table: pd.DataFrame, scene: Scene) -> int:
-    """How many jumps were flown for a table, those that are discarded too."""
-    return int(table["jumps"].sum()) + len(table) * int(scene.run.discard)
-
-
-def enough(scenes: dict[str, Scene], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
-    """The campaign with as many jumps as the mean height of the first scene needs for a relative standard error; (table, that number, jumps flown)."""
-    report = progress or (lambda done: None)
-    table = fly(scenes, PILOT, executor, lambda done: report(0.5 * done))
-    first, scene = table.iloc[0], next(iter(scenes.values()))
-    count, total = PILOT, flown(table, scene)
-    wanted = PILOT * (first["height_se"] / (error * first["height"])) ** 2 if first["height"] > 0.0 else 0.0
-    if wanted > PILOT and scene.run.jumps is not None:
-        count = min(MOST, math.ceil(wanted / 100.0) * 100)
-        table = fly(scenes, count, executor, lambda done: report(0.5 + 0.5 * done))
-        total += flown(table, scene)
-    report(1.0)
-    return table, count, total
-
-
-def compare(table: pd.DataFrame) -> pd.DataFrame:
-    """Relative changes of H, L and ū of every row against the first, with their standard errors; the first row's error is its own."""
-    full, found = table.iloc[0], table[["status", "jumps"]].copy()
-    for name in VARIABLES:
-        ratio = table[name] / full[name]
-        error = np.hypot(table[f"{name}_se"], ratio * full[f"{name}_se"]) / abs(full[name])
-        error.iloc[0] = full[f"{name}_se"] / abs(full[name])
-        found[name], found[f"{name}_change"], found[f"{name}_error"] = table[name], ratio - 1.0, error
-    return found
-
-
 def ablate(scene: Scene, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
     """Run a scene with each of its effects left out, one at a time, all with the scene's seed.
 
@@ -332,9 +258,9 @@ def ablate(scene: Scene, executor: Executor | None = None, *, error: float = 0.0
     ...     print(str(error).partition(":")[0])
     bed is missing
     """
-    cases = reduced(scene)
-    table = compare(enough(cases, error, executor, progress)[0])
-    table["time"] = costs({name: cases[name] for name in table.index})
+    scenes = reduced(scene)
+    table = compare(enough(scenes, error, executor, progress)[0])
+    table["time"] = costs({name: scenes[name] for name in table.index})
     return table
 
 
@@ -342,17 +268,11 @@ def reduced(scene: Scene) -> dict[str, Scene]:
     """The full scene, and without each of its effects that can be left out."""
     require_bed(scene)
     full = listed(scene)
-    cases = {"full": full}
+    scenes = {"full": full}
     for name in full.names:
         with contextlib.suppress(SceneError):  # what is left makes no scene
-            cases[name] = without(full, [name])
-    return cases
-
-
-def require_bed(scene: Scene) -> None:
-    """Only jumps can be compared."""
-    if scene.bed is None:
-        raise SceneError("bed is missing: it is jumps that are compared, and without a bed there are none")
+            scenes[name] = without(full, [name])
+    return scenes
 
 
 def costs(scenes: dict[str, Scene]) -> pd.Series:
@@ -419,9 +339,9 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
         tolerance = scene.tolerance or TOLERANCE
     if not 0.0 < tolerance <= 0.5:
         raise ValueError(f"tolerance must be above 0 and at most 0.5, got {tolerance!r}")
-    cases = reduced(scene)
-    full = cases["full"]
-    raw, count, total = enough(cases, SHARPNESS * tolerance, executor, progress)
+    scenes = reduced(scene)
+    full = scenes["full"]
+    raw, count, total = enough(scenes, SHARPNESS * tolerance, executor, progress)
     tried: list[dict[str, Any]] = []
 
     def settled(raw: pd.DataFrame, scenes: dict[str, Scene]) -> pd.DataFrame:
@@ -431,14 +351,14 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
         while True:
             table = compare(raw)
             undecided = {name: made for name, made in scenes.items() if nearest(table.loc[name]) <= tolerance < bound(table.loc[name])}
-            if not undecided or jumps >= MOST or full.run.jumps is None:
+            if not undecided or jumps >= cases.MOST or full.run.jumps is None:
                 return table
-            jumps = min(MOST, 4 * jumps)
+            jumps = min(cases.MOST, 4 * jumps)
             more = fly({"full": full} | undecided, jumps, executor, None)
             total += flown(more, full)
             raw = pd.concat([more, raw.drop(more.index)]).loc[raw.index]
 
-    table = settled(raw, {name: made for name, made in cases.items() if name != "full"})
+    table = settled(raw, {name: made for name, made in scenes.items() if name != "full"})
     rows = {str(name): row for name, row in table.iterrows()}
 
     def fits(names: list[str]) -> bool:
@@ -493,225 +413,3 @@ def shown(row: pd.Series) -> float | str:
     """The bound, or why there is none."""
     value = bound(row)
     return value if math.isfinite(value) else "no jumps" if row["status"] == "finished" else str(row["status"])
-
-
-# Other choices
-
-
-def variants(scene: Scene) -> dict[str, dict[str, Scene]]:
-    """Scenes that differ from this one in one choice; what makes no scene is left out.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    dict of dict of Scene
-        Choice -> value -> scene.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> found = variants(saltation.load("sand"))
-    >>> all(isinstance(scene, saltation.scene.SceneBase) for values in found.values() for scene in values.values())
-    True
-    """
-    found: dict[str, dict[str, Scene]] = {}
-    for choice, values in _choices(scene).items():
-        for value, change in values.items():
-            try:
-                found.setdefault(choice, {})[value] = scene.changed(**change)
-            except SceneError:
-                continue
-    return found
-
-
-def _choices(scene: Scene) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
-    """What measurement has not settled: choice -> value -> table -> field -> value; a law for smooth beds only where the bed is."""
-    tables: dict[str, dict[str, dict[str, Any]]] = {}
-    if scene.channel is not None:
-        wall = scene.numbers.reynolds * (scene.channel.roughness_height or scene.grain.diameter) / scene.grain.diameter
-        known = [name for name in PROFILES if name != "none" and (name != "reichardt" or wall < SMOOTH)]
-        tables["profile"] = {name: {"channel": {"profile": name}} for name in known}
-    if scene.bed is not None:
-        tables["reading"] = {name: {"bed": {"reading": name}} for name in READINGS}
-        given = scene.bed.restitution
-        tables["restitution"] = {f"{value}": {"bed": {"restitution": value}} for value in dict.fromkeys((given, 0.5, 0.8, "set1", "stokes"))}
-    if "history" in scene.names:
-        tables["kernel"] = {name: {"history": {"kernel": name}} for name in ("basset", *KERNELS)}
-        tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in ("impulse", "restart", "reset", "none")}
-    return tables
-
-
-def uncertainty(scene: Scene, executor: Executor | None = None, *, error: float = 0.02, progress: Progress | None = None) -> pd.DataFrame:
-    """The spread over the choices that measurement has not settled, one at a time, beside the standard error.
-
-    Parameters
-    ----------
-    scene : Scene
-        With a bed.
-    executor, progress
-        As for `ablate`, the share dimensionless.
-    error : float, dimensionless
-        Wanted relative standard error of the mean height.
-
-    Returns
-    -------
-    DataFrame
-        One row per choice and value, the scene itself first ("scene", "as given"): choice, value, status, jumps, height (d), length (d),
-        velocity (u*), relative changes and their standard errors as for `ablate`.
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     uncertainty(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
-    """
-    require_bed(scene)
-    scene = listed(scene)
-    cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
-    names = {" ".join(case): case for case in cases}
-    table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress)[0])
-    table.insert(0, "choice", [names[str(name)][0] for name in table.index])
-    table.insert(1, "value", [names[str(name)][1] for name in table.index])
-    return table.reset_index(drop=True)
-
-
-def spreads(table: pd.DataFrame) -> pd.DataFrame:
-    """Lowest and highest mean of H, L and ū over each choice's values that finish, over that of the scene itself.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `uncertainty`, units as there.
-
-    Returns
-    -------
-    DataFrame, one row per choice, dimensionless
-        choice; of height, length and velocity `_low` and `_high`.
-
-    Examples
-    --------
-    >>> row = {"choice": "scene", "status": "finished", "height": 2.0, "length": 10.0, "velocity": 5.0}
-    >>> rows = [row, row | {"choice": "drag", "height": 3.0}, row | {"choice": "drag", "height": 1.0}]
-    >>> spreads(pd.DataFrame(rows))[["height_low", "height_high"]].values.tolist()
-    [[0.5, 1.5]]
-    """
-    base = table.iloc[0]
-    finished = table[table["status"] == "finished"]
-    rows = []
-    for choice, own in finished.iloc[1:].groupby("choice", sort=False):
-        row: dict[str, Any] = {"choice": choice}
-        for name in VARIABLES:
-            row[f"{name}_low"], row[f"{name}_high"] = own[name].min() / base[name], own[name].max() / base[name]
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def combinations(scene: Scene, executor: Executor | None = None, *, progress: Progress | None = None) -> pd.DataFrame:
-    """Every choice combined with every other, some hundred runs of 300 jumps each.
-
-    Parameters
-    ----------
-    scene : Scene
-        With a bed.
-    executor, progress
-        As for `ablate`, the share dimensionless.
-
-    Returns
-    -------
-    DataFrame
-        One row per combination: a column per choice with its value, status, height (d), length (d), velocity (u*).
-
-    Raises
-    ------
-    SceneError
-        If the scene has no bed.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> try:
-    ...     combinations(saltation.load("settling"))
-    ... except SceneError as error:
-    ...     print(str(error).partition(":")[0])
-    bed is missing
-    """
-    require_bed(scene)
-    scene = long(listed(scene), COMBINED)
-    choices = _choices(scene)
-    labelled = []
-    for values in itertools.product(*choices.values()):
-        tables: dict[str, dict[str, Any]] = {}
-        for choice, value in zip(choices, values, strict=True):
-            for table, fields in choices[choice][value].items():
-                tables[table] = tables.get(table, {}) | fields
-        with contextlib.suppress(SceneError):  # what makes no scene
-            labelled.append((dict(zip(choices, values, strict=True)), scene.changed(**tables)))
-    return campaign(labelled, executor, progress=progress)[[*choices, "status", *VARIABLES]]
-
-
-def shares(table: pd.DataFrame) -> pd.DataFrame:
-    """How much of the spread each choice makes by itself.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `combinations`, units as there.
-
-    Returns
-    -------
-    DataFrame, one row per choice, dimensionless
-        For H, L and ū the variance of the means over its values of the logarithm, over the variance of all that finish. What is
-        missing to 1 is interplay.
-
-    References
-    ----------
-    A first Sobol index: Sobol (1993), Math. Model. Comput. Exp. 1, 407.
-
-    Examples
-    --------
-    >>> rows = [(law, stream, "finished", height, 9.0 * height, height) for law, height in (("yen", 1.0), ("rubey", 2.0)) for stream in "ab"]
-    >>> table = pd.DataFrame(rows, columns=["drag", "profile", "status", "height", "length", "velocity"])
-    >>> shares(table)["height"].round(12).tolist()  # the law of drag does it all
-    [1.0, 0.0]
-    """
-    finished = table[(table["status"] == "finished") & (table["height"] > 0.0)]
-    logarithms = np.log(finished[list(VARIABLES)].astype(float))
-    choices = [str(name) for name in table if name not in ("status", *VARIABLES)]
-    rows = {}
-    for choice in choices:
-        means = logarithms.groupby(finished[choice]).transform("mean")
-        rows[choice] = means.var(ddof=0) / logarithms.var(ddof=0)
-    return pd.DataFrame(rows).T
-
-
-def extent(table: pd.DataFrame) -> pd.DataFrame:
-    """The 5, 50 and 95 % quantiles of H, L and ū over all combinations that finish.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `combinations`, units as there.
-
-    Returns
-    -------
-    DataFrame, three rows
-        height and length (d) and velocity (u*) by quantile.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"status": ["finished", "finished", "aloft"], "height": [1.0, 3.0, 99.0], "length": 9.0, "velocity": 5.0})
-    >>> extent(table).loc[0.5, "height"]
-    np.float64(2.0)
-    """
-    return table.loc[table["status"] == "finished", list(VARIABLES)].quantile([0.05, 0.5, 0.95])

@@ -1,406 +1,234 @@
-"""What the thesis's chapter 4 asks of runs of many grains: how often they meet, what that changes, how they spread, how many jumps a mean needs."""
+"""The thesis's runs, of one grain and of many, and the ranking of its models."""
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import mannwhitneyu
 
-from basset.kernels import Floats
-from saltation import statistics
-from saltation.results.result import Result
+from basset import _validate
+from saltation import regressions, statistics
+from saltation.grain import GRAVITY
+from saltation.scene import Scene, read, scene_of, shipped
 
-__all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
+__all__ = ["diameter_of", "grains", "judge", "thesis"]
 
-RUN = ["concentration", "particle_reynolds", "stage"]  # labels of a run, besides whether grains meet
-PRINTED = {  # Table 4-2 at R_p = 73, by C_p and T: F_pp, F_pb, R_pb/pp
-    (0.0013, 2.0): (0.14, 9.91, 72.40),
-    (0.0013, 2.5): (0.18, 8.68, 47.14),
-    (0.0013, 3.0): (0.19, 7.89, 40.80),
-    (0.0233, 2.0): (4.51, 30.42, 6.74),
-    (0.0233, 2.5): (4.12, 27.57, 6.69),
-    (0.0233, 3.0): (5.31, 23.71, 4.46),
-}
-COMPARED = ("height", "length", "velocity", "takeoff_angle", "abs_deviation_angle")
-PLANES = {"angle_xz": ("u", "w"), "angle_xy": ("u", "v"), "angle_yz": ("v", "w")}  # trajectory angle in each plane, fig. 4-13
-RANGES = {"local": (0.0, 0.3), "intermediate": (2.0, 20.0), "global": (40.0, math.inf)}  # lags in mean durations of a jump
-EXPONENTS = {  # figs 4-17 and 4-18 at C_p 2.33 %, R_p 73, T 2: γ of the three ranges; NaN: "sub-diffusive", without a number
-    ("x", True): (1.0, 0.7, 0.47),
-    ("x", False): (1.0, 0.7, 0.47),
-    ("y", True): (1.0, 0.6, math.nan),
-    ("y", False): (1.0, 0.5, 0.0),
-}
-LAGS = 60
-RELEASES = 5.0  # mean durations between two releases of a grain
-COUNTS = (50, 100, 150, 200, 517)  # fig. 4-3: jumps that a mean is made from; 50 beside the thesis's
+RUNS = {"A": "R1", "B": "R2", "C": "R3", "D": "R4", "E": "R5", "F": "R6", "G": "R7", "H": "R8"}  # Table 3-4: the roughness of each Run
+SETS: dict[int, tuple[float | str, float]] = {1: ("set1", 0.89), 2: (0.65, 0.1), 3: (0.8, 0.4), 4: (0.95, 0.3)}  # Table 3-3: e and f
+STAGES = {73.0: ("sand", (1.79, 1.87, 2.43, 2.50, 2.67)), 250.0: ("sand_coarse", (2.31, 3.08, 3.85))}  # R_p: shipped scene, T
+MODEL = ("run", "set")
 
 
-# How often
+def thesis() -> list[tuple[dict[str, Any], Scene]]:
+    """The 256 runs of the thesis's section 3.3.2: Runs A–H × Sets 1–4 × T, 220 jumps each, the first 20 left out.
+
+    Run A is the two-dimensional flight with prescribed spin (3-6) and the rebound of García & Niño, whose f is the share of
+    tangential velocity that is *kept*: 0.89, Set 1's f, for all Sets, which then differ by e alone. All others are
+    three-dimensional with the hard-sphere contact, whose f is Coulomb's. All have one seed: they meet the same random numbers
+    at the same impact.
+
+    Returns
+    -------
+    list of (labels, Scene)
+        Labels: run, set, particle_reynolds, stage (T), restitution (e), f, f_is ("retention" or "Coulomb").
+
+    Examples
+    --------
+    >>> runs = thesis()
+    >>> len(runs), runs[0][0]["run"], runs[0][1].in_plane
+    (256, 'A', True)
+    """
+    result = []
+    for reynolds, (name, stages) in STAGES.items():
+        base = read(shipped()[name])
+        base["grain"]["diameter"] = diameter_of(reynolds, scene_of(base))
+        base["run"] |= {"jumps": 220, "discard": 20}
+        for letter, roughness in RUNS.items():
+            for number, (restitution, friction) in SETS.items():
+                bed = {**base["bed"], "roughness": roughness, "restitution": restitution}
+                model: dict[str, Any] = {"bed": {**bed, "friction": friction}}
+                if letter == "A":
+                    del bed["friction"]
+                    friction = SETS[1][1]  # noqa: PLW2901 - as the docstring says
+                    model = {"bed": {**bed, "rebound": "garcia_nino", "tangential_retention": friction}, "dimensions": 2, "rotation": {"law": "prescribed"}}
+                for stage in stages:
+                    scene = scene_of({**base, **model, "channel": {**base["channel"], "transport_stage": stage}})
+                    labels = {"run": letter, "set": number, "particle_reynolds": reynolds, "stage": stage, "restitution": restitution, "f": friction}
+                    result.append(({**labels, "f_is": "retention" if letter == "A" else "Coulomb"}, scene))
+    return result
 
 
-def table_4_2(table: pd.DataFrame) -> pd.DataFrame:
-    """Encounters and impacts on the bed per d/u*, beside those printed in Table 4-2.
+CONCENTRATIONS = {0.0013: 15, 0.0233: 45}  # Table 4-1: C_p; the number of grains is not printed and is that of the scene
+REYNOLDS = (73.0, 250.0)
+STAGES_OF_GRAINS = (2.0, 2.5, 3.0)
+LASTING = 500.0  # d/u*
+
+
+def grains() -> list[tuple[dict[str, Any], Scene]]:
+    """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each.
+
+    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same
+    places and meet the same random numbers at the same impact of the same grain, in units of their box.
+
+    Returns
+    -------
+    list of (labels, Scene)
+        Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
+
+    Examples
+    --------
+    >>> runs = grains()
+    >>> len(runs), sum(labels["encounters"] for labels, scene in runs)
+    (24, 12)
+    """
+    result = []
+    for concentration, number in CONCENTRATIONS.items():
+        for reynolds in REYNOLDS:
+            base = read(shipped()["sand_cloud"])
+            base["grain"]["diameter"] = diameter_of(reynolds, scene_of(base))
+            base["cloud"] |= {"number": number, "concentration": concentration}
+            for stage in STAGES_OF_GRAINS:
+                base["channel"]["transport_stage"] = stage
+                base["run"]["duration"] = LASTING * scene_of(base).numbers.time
+                for meeting in (True, False):
+                    content = {key: value for key, value in base.items() if meeting or key != "encounters"}
+                    content["effects"] = [name for name in base["effects"] if meeting or name != "encounters"]
+                    labels = {"concentration": concentration, "particle_reynolds": reynolds, "stage": stage, "encounters": meeting}
+                    name = f"C{100.0 * concentration:g}_R{reynolds:g}_T{stage:g}_{'with' if meeting else 'without'}"
+                    result.append(({"name": name} | labels, scene_of(content)))
+    return result
+
+
+def diameter_of(particle_reynolds: float, scene: Scene) -> float:
+    """Diameter that gives a scene's material and fluid a particle Reynolds number R_p = √(R g d³)/ν.
+
+    Parameters
+    ----------
+    particle_reynolds : float, dimensionless
+        R_p.
+    scene : Scene
+        Whose densities and viscosity count.
+
+    Returns
+    -------
+    float, m
+
+    References
+    ----------
+    R_p as in thesis (4-13).
+
+    Examples
+    --------
+    >>> import saltation
+    >>> abs(diameter_of(73.0, saltation.load("sand")) / 0.69e-3 - 1.0) < 0.01
+    True
+    """
+    excess = abs(scene.grain.density / scene.fluid.density - 1.0)
+    return math.cbrt((particle_reynolds * scene.fluid.viscosity) ** 2 / (excess * GRAVITY))
+
+
+# Judgement
+
+
+def judge(table: pd.DataFrame, reference: pd.DataFrame | None = None, *, particle_reynolds: float = 73.0, models: Sequence[str] = MODEL) -> pd.DataFrame:
+    """Rank the models of a campaign by their mean jumps H, L and ū.
+
+    Each is compared with the mean of the published regressions, or, at the one R_p that `reference` is for, with the
+    measurements of each of its sources. The regressions differ by 1.5–3 in height and 2–5 in length: close to their mean
+    is no proof, and far outside their envelope is the stronger statement.
 
     Parameters
     ----------
     table : DataFrame
-        Of a campaign, units as there, with the labels concentration, particle_reynolds, stage and encounters (bool).
+        From `campaign`, units as there, with the labels particle_reynolds, stage and those of `models`.
+    reference : DataFrame, optional
+        From `statistics.read_reference`, units as there; stages that the campaign does not reach are left out.
+    particle_reynolds : float, dimensionless
+        Which R_p it is for, to 2 %.
+    models : sequence of str
+        The labels that make a model.
 
     Returns
     -------
-    DataFrame, one row per run with encounters
-        concentration, particle_reynolds, stage; pair_frequency (F_pp), bed_frequency (F_pb) in u*/d, and ratio (F_pb/F_pp, infinite
-        if no grains met); the same with `_printed`, NaN where the thesis prints none.
+    DataFrame, one row per model, R_p and source, the best mean rank first; dimensionless
+        model, particle_reynolds and source; error_index (RMSE over the mean, averaged over H, L and ū) and overlap_index
+        (per cent; where the source gives standard deviations), see `statistics`; against the regressions also inside (share of
+        the means within their envelope) and height_place, length_place and velocity_place (0 at the envelope's lower
+        and 1 at its upper edge, mean over T); rank among the models by the overlap index, or else by the error index;
+        mean_rank of the model over all R_p and sources. NaN where a model has no mean.
 
-    Examples
-    --------
-    >>> row = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0, "encounters": True, "pair_frequency": 5.0, "bed_frequency": 20.0}
-    >>> table_4_2(pd.DataFrame([row]))["ratio"].tolist()
-    [4.0]
-    """
-    rows = table.loc[table["encounters"], [*RUN, "pair_frequency", "bed_frequency"]].reset_index(drop=True)
-    with np.errstate(divide="ignore"):
-        rows["ratio"] = rows["bed_frequency"].to_numpy() / rows["pair_frequency"].to_numpy()
-    at_73 = np.isclose(rows["particle_reynolds"], 73.0)
-    keys = zip(rows["concentration"], rows["stage"].round(6), at_73, strict=True)
-    printed = [PRINTED.get((concentration, stage), (math.nan,) * 3) if known else (math.nan,) * 3 for concentration, stage, known in keys]
-    rows[["pair_frequency_printed", "bed_frequency_printed", "ratio_printed"]] = np.array(printed).reshape(-1, 3)
-    return rows
-
-
-# What it changes
-
-
-def mean_error(jumps: pd.DataFrame, column: str, seed: int = 0, resamples: int = 400) -> float:
-    """Standard error of a mean over the jumps of many grains: blocks of successive jumps are drawn within each grain.
-
-    Grains are independent, jumps of a grain are not: the variances of the grains' own means add up, weighted with the squares
-    of their shares of all jumps. A grain of a single jump counts with the scatter of all.
-
-    Parameters
-    ----------
-    jumps : DataFrame
-        With the columns grain and `column`, jumps of a grain in the order in which they happened.
-    column : str
-    seed, resamples : int
-        As for `statistics.standard_error`.
-
-    Returns
-    -------
-    float, in the unit of the column; NaN for fewer than two jumps
-    """
-    values = jumps[column].to_numpy()
-    if len(values) < 2:
-        return math.nan
-    variance = 0.0
-    for own in np.split(values, np.flatnonzero(np.diff(jumps["grain"].to_numpy())) + 1):
-        error = statistics.standard_error(own, seed, resamples) if len(own) > 1 else float(values.std(ddof=1))
-        variance += (len(own) / len(values) * error) ** 2
-    return math.sqrt(variance)
-
-
-def compare(meeting: Result, passing: Result) -> pd.DataFrame:
-    """Jumps of a run with and of one without encounters: figs 4-10 to 4-12, the thesis's test and one that knows of correlation.
-
-    Parameters
-    ----------
-    meeting, passing : Result
-        With encounters, and without.
-
-    Returns
-    -------
-    DataFrame, one row per quantity of `COMPARED` (abs_deviation_angle is |deviation_angle|), in its unit
-        mean_with, sd_with, jumps_with, the same `_without`; difference of the means (with − without) and its standard_error (blocks
-        of successive jumps within grains; runs taken as independent); p_bootstrap, of so great a difference by chance, from these
-        two; p_wilcoxon, of the two-sided rank-sum test, which takes jumps for independent. NaN where no jump counts.
+    Raises
+    ------
+    ValueError
+        For a table without these labels or with two runs of a model at one stage, and for a reference that no run reaches.
 
     References
     ----------
-    thesis, section 4.3.2; Mann and Whitney (1947), Ann. Math. Stat. 18, 50–60.
+    thesis, section 3.4.2 and fig. 3-10.
 
     Examples
     --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> set(compare(result, result)["difference"])  # with itself
-    {0.0}
+    >>> import pandas as pd
+    >>> rows = [{"run": "A", "height": 2.0, "length": 12.0, "velocity": 6.0}, {"run": "B", "height": 9.0, "length": 90.0, "velocity": 20.0}]
+    >>> table = pd.DataFrame(rows).assign(particle_reynolds=73.0, stage=2.0, height_sd=1.0, length_sd=1.0, velocity_sd=1.0)
+    >>> judge(table, models=["run"])["rank"].tolist()  # A jumps as the regressions say
+    [1.0, 2.0]
     """
-    tables = [result.jumps.assign(abs_deviation_angle=lambda jumps: jumps["deviation_angle"].abs()) for result in (meeting, passing)]
-    rows = []
-    for name in COMPARED:
-        row: dict[str, Any] = {"quantity": name}
-        for side, jumps in zip(("with", "without"), tables, strict=True):
-            row |= {f"mean_{side}": jumps[name].mean(), f"sd_{side}": jumps[name].std(), f"jumps_{side}": len(jumps)}
-        row["difference"] = row["mean_with"] - row["mean_without"]
-        row["standard_error"] = math.hypot(*(mean_error(jumps, name) for jumps in tables))
-        row["p_bootstrap"] = two_sided(row["difference"], row["standard_error"])
-        both = min(len(jumps) for jumps in tables) > 0
-        row["p_wilcoxon"] = rank_sum(*(jumps[name] for jumps in tables)) if both else math.nan
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def rank_sum(one: pd.Series, other: pd.Series) -> float:
-    """Probability of ranks at least as unlike (Mann and Whitney 1947); 1 where all values are one, of which SciPy's answer depends on its version."""
-    return 1.0 if len({*one, *other}) == 1 else float(mannwhitneyu(one, other).pvalue)
-
-
-def two_sided(difference: float, error: float) -> float:
-    """Probability of a normal deviation at least as great; 1 for no difference at all."""
-    return 1.0 if difference == 0.0 else math.erfc(abs(difference) / error / math.sqrt(2.0)) if error != 0.0 else 0.0
-
-
-def changes(result: Result) -> pd.DataFrame:
-    """What each encounter changes, after minus before, of both grains: thesis figs 4-13 to 4-15.
-
-    Parameters
-    ----------
-    result : Result
-
-    Returns
-    -------
-    DataFrame, two rows per encounter
-        grain; angle_xz (inclination of the velocity), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180;
-        u, v, w in u*; spin_x, spin_y, spin_z in u*/d.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> result = saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.1}}))
-    >>> found = changes(result)
-    >>> len(found) == 2 * len(result.encounters), bool(abs(found["u"].sum()) < 1e-9)  # what one gains the other loses
-    (True, True)
-    """
-    met = result.encounters
+    for name in (*models, "particle_reynolds", "stage"):
+        if name not in table:
+            raise ValueError(f"table must have the label {name!r}, got {_validate.shown(list(table))}")
+    names = ["".join(map(str, values)) if tuple(models) == MODEL else ", ".join(map(str, values)) for values in table[list(models)].itertuples(index=False)]
+    table = table.assign(model=names)
     parts = []
-    for side in ("first", "second"):
-        own = {"grain": met[side]}
-        for name, axes in PLANES.items():
-            after, before = (np.degrees(np.arctan2(met[f"{side}_{axes[1]}{when}"], met[f"{side}_{axes[0]}{when}"])) for when in ("_after", ""))
-            own[name] = (after - before + 180.0) % 360.0 - 180.0
-        for name in ("u", "v", "w", "spin_x", "spin_y", "spin_z"):
-            own[name] = met[f"{side}_{name}_after"] - met[f"{side}_{name}"]
-        parts.append(pd.DataFrame(own))
-    return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
+    for reynolds, runs in table.groupby("particle_reynolds"):
+        measured = reference if reference is not None and math.isclose(reynolds, particle_reynolds, rel_tol=0.02) else None
+        for source, observed in _sources(reynolds, runs, measured).items():
+            rows = [_scores(model, reynolds, source, observed, own, measured is None) for model, own in runs.groupby("model", sort=False)]
+            parts.append(pd.DataFrame(rows))
+    if reference is not None and not any(set(part["source"]) & set(reference["source"]) for part in parts):
+        raise ValueError(
+            f"reference must reach a stage of the campaign at R_p = {particle_reynolds:g}, got stages {_validate.shown(sorted(set(reference['T'])))}"
+        )
+    for part in parts:
+        score = "overlap_index" if part["overlap_index"].notna().any() else "error_index"
+        part["rank"] = statistics.rank_models(part[score], score == "error_index").to_numpy()[:, 0]
+    result = pd.concat(parts, ignore_index=True)
+    result["mean_rank"] = result.groupby("model")["rank"].transform(lambda ranks: ranks.mean(skipna=False))
+    return result.sort_values(["mean_rank", "model", "particle_reynolds"], kind="stable", ignore_index=True)
 
 
-def distribution(changed: pd.DataFrame) -> pd.DataFrame:
-    """How changes are distributed: mean, sd, mean_size (of the absolute value), median_size and count, one row per quantity."""
-    rows = []
-    for name in [column for column in changed if column != "grain"]:
-        values = changed[name]
-        size = values.abs()
-        rows.append((name, values.mean(), values.std(), size.mean(), size.median(), len(values)))
-    return pd.DataFrame(rows, columns=["quantity", "mean", "sd", "mean_size", "median_size", "count"])
+def _sources(reynolds: float, runs: pd.DataFrame, measured: pd.DataFrame | None) -> dict[str, pd.DataFrame]:
+    """What runs of one R_p are compared with, by source."""
+    stages = np.unique(runs["stage"].to_numpy(dtype=np.float64))
+    if measured is not None:
+        within = measured[(measured["T"] >= stages[0] * (1.0 - 1e-6)) & (measured["T"] <= stages[-1] * (1.0 + 1e-6))]
+        return {str(source): rows for source, rows in within.groupby("source", sort=False)}
+    means = np.mean([regression(reynolds, stages) for regression in regressions.REGRESSIONS.values()], axis=0)
+    rows = [(variable, stage, mean) for variable, row in zip(statistics.VARIABLES, means, strict=True) for stage, mean in zip(stages, row, strict=True)]
+    return {"regressions": pd.DataFrame(rows, columns=["variable", "T", "mean"])}
 
 
-# How they spread
-
-
-def ensemble(result: Result, again: bool = False) -> tuple[Floats, Floats, int]:
-    """Displacements of all grains that stay to the end, shifted to one release point.
-
-    Parameters
-    ----------
-    result : Result
-        With its paths.
-    again : bool
-        Release each grain not once, where it sets out, as the thesis does, but again and again, every `RELEASES` mean durations of
-        a jump, after the jumps that are discarded: what is then seen does not remember the start. Lags reach over a third of that time.
-
-    Returns
-    -------
-    lags : ndarray, shape (m,), d/u*
-        About `LAGS`, evenly spaced in their logarithm.
-    members : ndarray, shape (grains · releases, m, k), d
-        Along the stream and, in three dimensions, across. Those of a grain are neighbours.
-    releases : int
-        Of each grain.
-
-    Raises
-    ------
-    ValueError
-        If the paths were not kept, are too short, or no jump counts.
-
-    References
-    ----------
-    thesis, section 4.3.2, figs 4-17 and 4-18.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> lags, members, releases = ensemble(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})))
-    >>> members.shape == (45, len(lags), 2), releases
-    (True, 1)
-    """
-    path = result.trajectory
-    time = path["time"].to_numpy()
-    positions = np.stack([path[name].to_numpy() for name in "xy" if name in path], axis=2)
-    positions = positions[:, np.isfinite(positions).all(axis=(0, 2))]
-    duration, begin = float(result.jumps["duration"].mean()), 0.0
-    longest = time[-1] - time[0]
-    if again:
-        begin = result.scene.run.discard * duration
-        longest = (time[-1] - begin) / 3.0
-    if not longest > time[1] - time[0]:
-        raise ValueError(f"ensemble needs a longer run with jumps that count, got one of {time[-1]:g} d/u*")
-    lags = np.geomspace(time[1] - time[0], longest, LAGS)
-    starts = np.arange(begin, time[-1] - longest, RELEASES * duration) if again else time[:1]
-    if not again:
-        lags = time[np.unique(np.searchsorted(time, time[0] + lags * (1.0 - 1e-9)))] - time[0]
-    members = [statistics.displacements(time, positions[:, grain], starts, lags) for grain in range(positions.shape[1])]
-    return lags, np.concatenate(members), len(starts)
-
-
-def exponents(result: Result, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
-    """γ of ⟨X'²⟩ and ⟨Y'²⟩ ∝ t^(2γ) in the three ranges, with intervals from the scatter over grains.
-
-    Parameters
-    ----------
-    result : Result
-        With its paths.
-    seed, resamples : int
-        Of the draws.
-
-    Returns
-    -------
-    DataFrame, one row per ensemble ("first": released where they set out; "all": again and again), axis and range
-        low, high (lags, d/u*), gamma, and lower and upper end of its 95 % interval, dimensionless (grains drawn with replacement,
-        each with all its releases). NaN where grains do not scatter, are fewer than ten, or a range lies beyond the run.
-
-    Raises
-    ------
-    ValueError
-        As `ensemble`.
-
-    References
-    ----------
-    thesis (4-14), (4-15), figs 4-17 and 4-18; ranges of Nikora et al. (2001), here in mean durations of a jump, `RANGES`.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> found = exponents(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})), resamples=20)
-    >>> first = found[(found["range"] == "local") & (found["axis"] == "x")].iloc[0]
-    >>> first["lower"] <= first["gamma"] <= first["upper"]
-    np.True_
-    """
-    duration = float(result.jumps["duration"].mean())
-    rows = []
-    for name in ("first", "all"):
-        lags, members, releases = ensemble(result, name == "all")
-        for k, axis in enumerate("xy"[: members.shape[2]]):
-            for which, bounds in RANGES.items():
-                low, high = max(bounds[0] * duration, lags[0]), min(bounds[1] * duration, lags[-1])
-                gamma, interval = math.nan, (math.nan, math.nan)
-                try:
-                    gamma = statistics.fit_exponent(lags, members[:, :, k].var(axis=0), low, high)[0]
-                    interval = statistics.exponent_interval(lags, members[:, :, k], low, high, block=releases, seed=seed, resamples=resamples)
-                except ValueError:  # no exponent, or none whose scatter is known
-                    pass
-                rows.append((name, axis, which, low, high, gamma, *interval))
-    return pd.DataFrame(rows, columns=["ensemble", "axis", "range", "low", "high", "gamma", "lower", "upper"])
-
-
-# How many jumps a mean needs
-
-
-def convergence(result: Result, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
-    """Means of height and length over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
-
-    Parameters
-    ----------
-    result : Result
-    counts : sequence of int
-        n.
-
-    Returns
-    -------
-    DataFrame, one row per n
-        jumps (n), grains (that have so many), and of height and length (d): the mean over all these jumps, `_sd` of single jumps and
-        `_scatter`, the standard deviation over grains of their means of n jumps: what such a mean is uncertain by. NaN where too few grains do.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> convergence(saltation.run(scene_of(read("sand_cloud") | {"run": {"duration": 0.3}})), counts=[1])["grains"].tolist()
-    [45]
-    """
-    jumps = result.jumps
-    number, total = jumps.groupby("grain").cumcount(), jumps.groupby("grain")["height"].transform("size")
-    rows = []
-    for count in counts:
-        own = jumps[(number < count) & (total >= count)]
-        row: dict[str, Any] = {"jumps": count, "grains": own["grain"].nunique()}
-        for name in ("height", "length"):
-            row |= {name: own[name].mean(), f"{name}_sd": own[name].std(), f"{name}_scatter": own.groupby("grain")[name].mean().std()}
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-# All of it
-
-
-def analyses(table: pd.DataFrame, opened: Callable[[str], Result]) -> dict[str, pd.DataFrame]:
-    """All tables of the 24 runs of Table 4-1, or of others with such labels.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Of the campaign on `campaigns.grains()`, units as there.
-    opened : callable
-        The result of a run by its label `name`.
-
-    Returns
-    -------
-    dict of DataFrame
-        table_4_2; comparison, of each run with and without encounters; changes, per run with encounters; exponents; convergence.
-        Each with the labels of the runs, units as of the functions of these names.
-
-    Examples
-    --------
-    >>> import saltation
-    >>> from saltation.scene import read, scene_of
-    >>> scene = scene_of(read("sand_cloud") | {"run": {"duration": 0.1}})
-    >>> row = {"name": "a", "concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0, "encounters": True}
-    >>> table = pd.DataFrame([row | {"pair_frequency": 5.0, "bed_frequency": 20.0}])
-    >>> sorted(analyses(table, lambda name: saltation.run(scene)))
-    ['changes', 'comparison', 'convergence', 'exponents', 'table_4_2']
-    """
-    found: dict[str, list[pd.DataFrame]] = {"comparison": [], "changes": [], "exponents": [], "convergence": []}
-    for run, both in table.groupby(RUN, sort=False):
-        labels = dict(zip(RUN, run, strict=True))
-        results = {bool(row["encounters"]): opened(str(row["name"])) for _, row in both.iterrows()}
-        if len(results) == 2:
-            found["comparison"].append(compare(results[True], results[False]).assign(**labels))
-        if True in results:
-            found["changes"].append(distribution(changes(results[True])).assign(**labels))
-        for meeting, result in results.items():
-            found["convergence"].append(convergence(result).assign(**labels, encounters=meeting))
-            with contextlib.suppress(ValueError):  # too short to have any
-                own = exponents(result)
-                own["printed"] = printed_exponents(labels, own, meeting)
-                found["exponents"].append(own.assign(**labels, encounters=meeting))
-    tables = {"table_4_2": table_4_2(table)}
-    for name, parts in found.items():
-        whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-        first = [label for label in (*RUN, "encounters") if label in whole]
-        tables[name] = whole[first + [column for column in whole if column not in first]]
-    return tables
-
-
-def printed_exponents(labels: dict[str, Any], rows: pd.DataFrame, meeting: bool) -> list[float]:
-    """The thesis's exponents beside ours; NaN for other runs than that of figs 4-17 and 4-18."""
-    if not (math.isclose(labels["concentration"], 0.0233) and math.isclose(labels["particle_reynolds"], 73.0) and math.isclose(labels["stage"], 2.0)):
-        return [math.nan] * len(rows)
-    return [EXPONENTS[axis, meeting][list(RANGES).index(which)] for axis, which in zip(rows["axis"], rows["range"], strict=True)]
+def _scores(model: Any, reynolds: Any, source: str, observed: pd.DataFrame, runs: pd.DataFrame, published: bool) -> dict[str, Any]:
+    """One model against one source."""
+    if runs["stage"].duplicated().any():
+        raise ValueError(f"table must have one run per model and stage, got two of {model!r} at R_p = {reynolds:g}")
+    own = [pd.DataFrame({"variable": name, "T": runs["stage"].astype(float), "mean": runs[name], "sd": runs[f"{name}_sd"]}) for name in statistics.VARIABLES]
+    scores: dict[str, Any] = {"model": model, "particle_reynolds": reynolds, "source": source, "error_index": math.nan, "overlap_index": math.nan}
+    simulated = pd.concat(own, ignore_index=True)
+    if simulated["mean"].notna().all() and (observed["mean"] > 0.0).any():
+        variables = [name for name in statistics.VARIABLES if name in set(observed["variable"])]
+        scores["error_index"] = float(statistics.errors(observed, simulated, variables).mean())
+        banded = "sd" in observed and all(rows["sd"].notna().all() and len(rows) > 1 for _, rows in observed.groupby("variable"))
+        if banded and simulated["sd"].notna().all():
+            scores["overlap_index"] = float(statistics.overlap_areas(observed, simulated, variables).mean())
+    places = dict.fromkeys(statistics.VARIABLES, np.full(1, math.nan))
+    for name, edge in zip(statistics.VARIABLES, regressions.Jump._fields, strict=True) if published else ():
+        low, high = regressions.envelope(reynolds, runs["stage"].to_numpy(dtype=np.float64))[edge]
+        width = np.where(high > low, high - low, np.nan)  # nothing jumps at and below the threshold
+        places[name] = (runs[name].to_numpy() - low) / width
+    every = np.concatenate(list(places.values()))
+    scores["inside"] = float(((every >= 0.0) & (every <= 1.0)).mean()) if np.isfinite(every).all() else math.nan
+    return scores | {f"{name}_place": float(place.mean()) for name, place in places.items()}

@@ -24,7 +24,9 @@ from saltation.results.files import unpacked
 from saltation.scene import read, scene_of
 from saltation.simulation import run_cloud
 from saltation.study import campaigns
-from saltation.study.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
+from saltation.study import thesis as study
+from saltation.study.campaigns import COLUMNS, QUANTITIES, Store, campaign
+from saltation.study.thesis import judge, thesis
 from saltation.workers import Processes, cores, processes
 
 
@@ -120,14 +122,14 @@ def test_a_scene_without_jumps_that_count_has_no_means():
     assert np.isnan(row["clipped"])
 
 
-def test_handfuls_share_a_compiled_form_and_the_first_of_each_come_first():
+def test_batches_share_a_compiled_form_and_the_first_of_each_come_first():
     scenes = {key_of(scene): scene for _, scene in thesis()}
     found = campaigns.chunks(scenes)
-    assert sorted(key for handful in found for key in handful) == sorted(scenes)
-    forms = [{campaigns.form_of(scenes[key]) for key in handful} for handful in found]
+    assert sorted(key for batch in found for key in batch) == sorted(scenes)
+    forms = [{campaigns.form_of(scenes[key]) for key in batch} for batch in found]
     assert all(len(form) == 1 for form in forms)
-    assert len({form for handful in forms[:8] for form in handful}) == 8  # Runs A to H
-    assert all(sum(scenes[key].run.jumps for key in handful) <= campaigns.CHUNK for handful in found)
+    assert len({form for batch in forms[:8] for form in batch}) == 8  # Runs A to H
+    assert all(sum(scenes[key].run.jumps for key in batch) <= campaigns.CHUNK for batch in found)
 
 
 # The store
@@ -462,7 +464,7 @@ def test_what_a_cloud_costs():
 
 
 def test_table_4_1_has_24_runs():
-    found = campaigns.grains()
+    found = study.grains()
     labels = pd.DataFrame([labels for labels, _ in found])
     assert len({key_of(scene) for _, scene in found}) == labels["name"].nunique() == 24
     assert labels.drop(columns="name").drop_duplicates().shape == (24, 4)
@@ -478,10 +480,10 @@ def test_table_4_1_has_24_runs():
 
 def test_the_command_runs_table_4_1_compares_and_goes_on(tmp_path, monkeypatch):
     """Four of its runs, short, of fewer grains; a lost result is made again, and with all of them there nothing is."""
-    monkeypatch.setattr(campaigns, "CONCENTRATIONS", {0.0233: 20})
-    monkeypatch.setattr(campaigns, "REYNOLDS", (73.0,))
-    monkeypatch.setattr(campaigns, "STAGES_OF_GRAINS", (2.0, 3.0))
-    monkeypatch.setattr(campaigns, "LASTING", 30.0)
+    monkeypatch.setattr(study, "CONCENTRATIONS", {0.0233: 20})
+    monkeypatch.setattr(study, "REYNOLDS", (73.0,))
+    monkeypatch.setattr(study, "STAGES_OF_GRAINS", (2.0, 3.0))
+    monkeypatch.setattr(study, "LASTING", 30.0)
     arguments = ["campaign", "grains", "--set", "run.discard=2", "--output", str(tmp_path / "out")]
     out = CliRunner().invoke(cli.main, arguments)
     assert out.exit_code == 0, (out.output, out.exception)

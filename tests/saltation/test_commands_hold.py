@@ -16,7 +16,7 @@ import saltation
 from saltation import cli, front, simulation
 from saltation.plots.run import PLOTS
 from saltation.scene import shipped
-from saltation.study import campaigns
+from saltation.study import campaigns, choices
 from saltation.study import effects as advice
 
 SHORT = ["run", "bouncing", "--set", "run.jumps=2"]
@@ -72,8 +72,8 @@ def test_tables_are_written_before_they_are_printed(tmp_path, monkeypatch, name)
 
     index = pd.Index(["full"], name="left out")
     table = pd.DataFrame({"choice": ["as given"], "value": ["-"], "status": ["finished"]}, index=index)
-    monkeypatch.setattr(advice, name, lambda *_, **__: table)
-    monkeypatch.setattr(advice, "combinations", refuse)
+    monkeypatch.setattr(choices if name == "uncertainty" else advice, name, lambda *_, **__: table)
+    monkeypatch.setattr(choices, "combinations", refuse)
     monkeypatch.setattr(cli, "print_changes", refuse)
     invoke(name, "sand", "--output", tmp_path / "out.csv")
     assert (tmp_path / "out.csv").read_text() == table.to_csv()
@@ -302,8 +302,8 @@ def test_no_list_of_words_ends_in_a_traceback(words):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saltation, "run", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
         patch.setattr(front, "resolved", lambda made, *_, **__: made)
-        for name in ("ablate", "uncertainty"):
-            patch.setattr(advice, name, lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
+        for module, name in ((advice, "ablate"), (choices, "uncertainty")):
+            patch.setattr(module, name, lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
         out = CliRunner().invoke(cli.main, words)
     assert out.exit_code in (0, 2), (words, out.output, out.exception)
     assert out.exception is None or isinstance(out.exception, SystemExit)

@@ -14,7 +14,7 @@ from saltation.cli import value_of
 from saltation.flight import setup as engine
 from saltation.front import warm
 from saltation.scene import SceneError, read, scene_of
-from saltation.study import checks
+from saltation.study import cases, checks
 from saltation.study import effects as advice
 
 FALL = ["weight", "drag", "added_mass"]
@@ -59,7 +59,7 @@ class TestMemory:
 
     def test_a_longer_run_keeps_what_is_given(self):
         made = saltation.load("sand").changed(history={"horizon": 1e5})
-        assert advice.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
+        assert cases.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
 
 
 class TestWithoutABed:

@@ -11,7 +11,7 @@ from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
 from saltation.results.result import Result
 from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import read, scene_of
-from saltation.study import thesis as grains
+from saltation.study import grains
 
 LABELS = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0}
 
