@@ -64,6 +64,8 @@ lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/lint-imports
 
 lock: $(READY)  ## the newest of every dependency, for all Python versions from 3.11 on, into requirements.lock
 	$(PIP) uv

@@ -10,7 +10,7 @@ import basset
 import saltation
 from basset import measure, reference
 from basset.problems import PROBLEMS
-from saltation import advice
+from saltation.study import cases
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
 QUOTED = {what: float(number.replace(" ", "")) for what, number in re.findall(r"^\| (.+?) \| ([\d. ]+) × \|$", README, re.M)}
@@ -57,9 +57,9 @@ def initial_slip():
 
 def history():
     """100 jumps of sand with the history force, and without."""
-    scene = advice.changed(saltation.load("sand"), run={"jumps": 100, "discard": 0, "trajectory": False})
+    scene = saltation.load("sand").changed(run={"jumps": 100, "discard": 0, "trajectory": False})
     sides = []
-    for made in (scene, advice.without(scene, ["history"])):
+    for made in (scene, cases.without(scene, ["history"])):
         assert saltation.run(made).status == "finished"
         sides.append(lambda made=made: saltation.run(made))
     return sides

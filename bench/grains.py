@@ -12,9 +12,11 @@ from scipy.interpolate import PchipInterpolator
 
 import saltation
 from basset.kernels import Floats
-from saltation import campaigns, plots, statistics
-from saltation.result import Result
+from saltation import statistics
+from saltation.plots import run as plots
+from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
+from saltation.study import campaigns
 
 QUANTITIES = ("height", "length", "velocity")
 MORE = ("duration", "spin", "takeoff_angle", "takeoff_x", "takeoff_z", "stokes")

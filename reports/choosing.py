@@ -11,7 +11,8 @@ import pandas as pd
 from reports import choosing_figures as figures
 from reports.analysis import Record, Target, short
 from reports.page import asked, factor, fill, footer, grouped, save, table
-from saltation import advice, advice_plots
+from saltation.plots import choices as advice_plots
+from saltation.study.choices import spreads
 
 TITLES = {"sand": "sand, R_p 73", "sand_coarse": "coarse sand, R_p 250", "gravel": "gravel, 30 mm"}
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}
@@ -43,7 +44,7 @@ def change(row: Record) -> str:
 
 
 def frame(rows: Sequence[Record]) -> pd.DataFrame:
-    """Rows of the JSON as `saltation.advice` gave them."""
+    """Rows of the JSON as `saltation.study.effects` gave them."""
     return pd.DataFrame(list(rows))
 
 
@@ -148,7 +149,7 @@ def uncertain(data: Record, name: str) -> str:
 
 def extremes(data: Record, name: str) -> dict[str, Any]:
     """The choices by how far they spread the height, widest first."""
-    found = advice.spreads(frame(data["uncertainty"][name]))
+    found = spreads(frame(data["uncertainty"][name]))
     found["factor"] = found["height_high"] / found["height_low"]
     return {str(row["choice"]): float(row["factor"]) for _, row in found.sort_values("factor", ascending=False).iterrows()}
 

@@ -10,11 +10,13 @@ import pandas as pd
 from reports import grains_figures as figures
 from reports.analysis import Record, Target, seconds
 from reports.page import asked, factor, fill, folder, footer, grouped, save, table
-from saltation import animation, cloud_plots
-from saltation.cloud_result import CloudResult, encounter_table, path_dataset
-from saltation.encounters import COLUMNS
-from saltation.grains import RANGES
+from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
+from saltation.plots import cloud as cloud_plots
+from saltation.plots import film as animation
+from saltation.results.result import Result
+from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import scene_of
+from saltation.study.grains import RANGES
 
 LOW, HIGH = 0.0013, 0.0233
 WITH, WITHOUT = "encounters, history", "no encounters, history"
@@ -227,7 +229,7 @@ def scaling_table(data: Record) -> str:
     return table(["C_p", "", *(grouped(n) for n in every), "bytes"], rows)
 
 
-def picture(data: Record) -> CloudResult:
+def picture(data: Record) -> Result:
     """The short run whose pictures are drawn."""
     shown = data["shown"]
     path = shown["path"]
@@ -236,7 +238,7 @@ def picture(data: Record) -> CloudResult:
     kept = path_dataset(scene, np.array(shown["time"]), values)
     met_rows = np.array([shown["encounters"][name] for name in COLUMNS], dtype=np.float64).T
     fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
-    return CloudResult(scene, pd.DataFrame(shown["jumps"]), encounter_table(met_rows), fates, "finished", "", shown["provenance"], shown["end"], kept)
+    return Result(scene, pd.DataFrame(shown["jumps"]), "finished", "", shown["provenance"], shown["end"], encounter_table(met_rows), fates, kept)
 
 
 def significant(data: Record) -> str:

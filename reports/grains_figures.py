@@ -1,4 +1,4 @@
-"""The figures of the page on many grains that are drawn from records; those of single runs are `saltation.cloud_plots`."""
+"""The figures of the page on many grains that are drawn from records; those of single runs are `saltation.plots.cloud`."""
 
 from __future__ import annotations
 

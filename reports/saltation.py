@@ -11,7 +11,7 @@ import pandas as pd
 from reports import saltation_figures as figures
 from reports.analysis import Record, Target
 from reports.page import asked, factor, fill, footer, grouped, save, table
-from saltation import plots
+from saltation.plots import run as plots
 
 SUITES = ("saltation",)
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}

@@ -12,7 +12,7 @@ import pandas as pd
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
 from basset._look import legend as _legend
 from reports.analysis import Record
-from saltation import plots
+from saltation.plots import run as plots
 
 QUANTITIES = {"height": "mean rise H (d)", "length": "mean length L (d)", "velocity": "mean velocity ū (u*)"}
 SYMBOLS = {"height": "H", "length": "L", "velocity": "ū"}

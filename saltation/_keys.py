@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Any
 
 from basset import __version__
 from basset._compile import digest_of
+from saltation.scene import Scene
 
 
-def text_of(scene: Any) -> str:
+def text_of(scene: Scene) -> str:
     """A scene as JSON; floats come back bit for bit."""
     text: str = scene.model_dump_json(exclude_none=True)
     return text
 
 
-def key_of(scene: Any) -> str:
+def key_of(scene: Scene) -> str:
     """The name under which a scene's results are kept."""
     return hash_of(__version__, digest_of("saltation"), text_of(scene))
 

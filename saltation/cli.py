@@ -35,24 +35,25 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from basset import _validate
-    from saltation import advice, advice_plots, campaigns, checks, grains, statistics
-    from saltation.result import Result
+    from saltation import front, statistics
+    from saltation.plots import choices as advice_plots
+    from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
-    from saltation.simulation import begun
+    from saltation.study import campaigns, checks, choices, grains, thesis
+    from saltation.study import effects as advice
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
     pd, _validate = Later("pandas"), Later("basset._validate")
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
-    advice, advice_plots, campaigns, checks, grains, statistics = (
-        Later(f"saltation.{name}") for name in ("advice", "advice_plots", "campaigns", "checks", "grains", "statistics")
-    )
+    campaigns, checks, choices = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices"))
+    advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
+    advice_plots, front, statistics = (Later(f"saltation.{name}") for name in ("plots.choices", "front", "statistics"))
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
-    begun = Later("saltation.simulation", "begun")
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-SERIES = {name: Later("saltation.campaigns", name) for name in ("thesis", "grains")}
+SERIES = {name: Later("saltation.study.thesis", name) for name in ("thesis", "grains")}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
 OWN = {  # what the thesis's runs differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
@@ -168,7 +169,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     with stoppable(folder), mistakes_of_files("--output"):
         if made.effects == AUTO:
             with shown("choosing effects", quiet) as report:
-                made = (None if force else begun(made, folder)) or advice.resolved(made, progress=report)
+                made = front.resolved(made, None, None if force else folder, report)
         if force and folder is not None:
             take_away(folder)
         with shown("flying", quiet) as report:
@@ -263,18 +264,18 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
     """
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
-        table = advice.uncertainty(made, error=error, progress=report)
+        table = choices.uncertainty(made, error=error, progress=report)
     deliver(output, table, partial(advice_plots.spread, scene=named(scene)))
     out = console()
     print_changes(out, table.set_index(["choice", "value"]))
     if combined:
         with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
-            everything = advice.combinations(made, progress=report)
+            everything = choices.combinations(made, progress=report)
         print_combinations(out, everything, made)
     tell_written(output)
 
 
-def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Any:
+def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:
     """The scene; mistakes are found before anything is computed."""
     if not 1e-3 <= error <= 0.5:
         raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
@@ -351,7 +352,7 @@ def campaign(
         with progress("campaign", *columns, total=len(runs)) as report:
             try:
                 results = output / "runs" if what[0] == "grains" else None
-                table = campaigns.campaign(runs, executor, progress=report, store=output / "store", results=results)
+                table = front.campaign(runs, executor, progress=report, store=output / "store", results=results)
             except BrokenExecutor as error:
                 raise click.ClickException(f"{error}: what is finished is kept in {str(output)!r}, the same command goes on from there") from None
         write(output / "table.csv", table.to_csv(index=False))
@@ -362,7 +363,7 @@ def campaign(
             try:
                 if table["stage"].isna().any():
                     raise ValueError("it needs a stream in every scene")
-                ranking = campaigns.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
+                ranking = thesis.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
             except ValueError as error:
                 raise Mistake(f"written: {named(output / 'table.csv')}; no ranking: {error}") from None
             tables = {"ranking": ranking}
@@ -387,9 +388,8 @@ def campaign(
 @click.option("--animate", "film", type=click.Path(path_type=Path), help="A GIF of many grains in their box, instead of figures or with those named.")
 def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path | None) -> None:
     """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
-    from saltation.cloud_plots import CLOUD_PLOTS
-    from saltation.cloud_result import CloudResult
-    from saltation.plots import PLOTS
+    from saltation.plots.cloud import CLOUD_PLOTS
+    from saltation.plots.run import PLOTS
 
     known = list(dict.fromkeys((*PLOTS, *CLOUD_PLOTS)))
     for name in names:
@@ -403,7 +403,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
         check_picture("--animate", film, (".gif",))
     with mistakes_of_files("RESULT"):
         opened = open_result(result)
-    cloud = isinstance(opened, CloudResult)
+    cloud = opened.scene.cloud is not None
     own: dict[str, Callable[[Any], Any]] = {**CLOUD_PLOTS} if cloud else {**PLOTS}
     for name in names:
         if name not in own:
@@ -429,12 +429,10 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
 @click.argument("names", nargs=-1, metavar="[SCENE]...")
 def warmup(names: tuple[str, ...]) -> None:
     """Compile ahead what runs of each SCENE need (default: the scenes that come with the package): they then start at once."""
-    from saltation.simulation import warm
-
     made = {name: scene_of(read(name)) for name in names or shipped()}  # mistakes first
     with stoppable(None):
         for name, scene in made.items():
-            compile_ahead(name, partial(warm, scene))
+            compile_ahead(name, partial(front.warm, scene))
 
 
 # What commands share
@@ -474,7 +472,7 @@ def take_away(path: Path) -> None:
                 file.unlink(missing_ok=True)
 
 
-def open_result(path: Path) -> Any:
+def open_result(path: Path) -> Result:
     """A result from a file or a folder."""
     try:
         return saltation.open(path)
@@ -500,7 +498,7 @@ def draw_film(result: Any, path: Path, cloud: bool) -> None:
     """The animation, with a bar on a terminal."""
     if not cloud:
         raise Mistake("--animate needs a run of many grains: a scene with a [cloud]")
-    from saltation.animation import animate
+    from saltation.plots.film import animate
 
     with mistakes_of_files("--animate"), progress("drawing", TimeElapsedColumn()) as report:
         try:
@@ -532,7 +530,7 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
             if any(f"{own}.".startswith(f"{field}.") or f"{field}.".startswith(f"{own}.") for own in OWN[series]):
                 raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
         base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in SERIES[series]()]
-        models = list(campaigns.MODEL)
+        models = list(thesis.MODEL)
     else:
         stems = [Path(name).stem for name in what]
         base = [({"scene": named(stem if stems.count(stem) == 1 else name)}, read(name)) for stem, name in zip(stems, what, strict=True)]
@@ -547,7 +545,7 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
             scene = scene_of(changed(copy, changes))
             own = {**labels, **{field: value if isinstance(value, (int, float, str)) else str(value) for field, value in zip(fields, values, strict=True)}}
             for name, actual in (("particle_reynolds", scene.numbers.particle_reynolds), ("stage", scene.numbers.stage)):
-                if name not in own or not math.isclose(own[name], actual):
+                if name not in own or actual is None or not math.isclose(own[name], actual):
                     own[name] = actual
             runs.append((own, scene))
     return runs, models
@@ -632,7 +630,7 @@ def print_cloud(result: Any) -> None:
         out.print(f"warning: {text}")
 
 
-def print_choice(out: Console, scene: Any) -> None:
+def print_choice(out: Console, scene: Scene) -> None:
     """What effects = "auto" came to."""
     found = scene.chosen
     if found is not None and found.status != "finished":
@@ -644,7 +642,7 @@ def print_choice(out: Console, scene: Any) -> None:
 
 def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
-    from saltation.result import UNITS
+    from saltation.results.tables import UNITS
 
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
@@ -656,7 +654,7 @@ def print_summary(out: Console, result: Any) -> None:
     print_scale(out, result.scene)
 
 
-def print_scale(out: Console, scene: Any) -> None:
+def print_scale(out: Console, scene: Scene) -> None:
     """What V is where there is no u*."""
     if scene.numbers.stage is None:
         out.print(f"{scene.numbers.scale} = {scene.numbers.velocity:.4g} m/s: still water has no u*")
@@ -675,16 +673,16 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
     out.print(shown)
 
 
-def print_combinations(out: Console, table: pd.DataFrame, scene: Any) -> None:
+def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     """Quantiles over all combinations, and what each choice contributes."""
     finished = table["status"] == "finished"
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
-    from saltation.result import UNITS
+    from saltation.results.tables import UNITS
 
     shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
-    for quantile, row in advice.extent(table).iterrows():
+    for quantile, row in choices.extent(table).iterrows():
         shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))
-    for choice, row in advice.shares(table).iterrows():
+    for choice, row in choices.shares(table).iterrows():
         shown.add_row(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES))
     out.print(shown)
 

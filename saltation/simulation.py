@@ -1,95 +1,77 @@
-"""Scene -> Result: fly one grain, keep its jumps and its path, and say how the result came about."""
+"""Scene -> Result: fly one grain or many, keep their jumps and paths, and say how the result came about."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
 import os
 from collections.abc import Callable
-from concurrent.futures import Executor
-from pathlib import Path
+from concurrent.futures import Executor, as_completed
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from basset.kernels import BassetKernel, Floats
 from basset.solvers import stepper
 from basset.solvers._tables import step_tables
-from saltation import flight
-from saltation._keys import key_of
-from saltation.engine import Engine, Grain
-from saltation.result import Result
-from saltation.scene import AUTO, LONGEST, scene_of
-from saltation.workers import Here
+from saltation._keys import text_of
+from saltation.flight import collisions, layout
+from saltation.flight.cost import CHUNK, cost_of
+from saltation.flight.crowd import ROUNDED, Cloud
+from saltation.flight.fixed import FixedGrain
+from saltation.flight.setup import Engine, Grain, empty_record
+from saltation.results.files import STOPPED, open_folder, packed, unpacked
+from saltation.results.folder import Folder, RunStatus
+from saltation.results.path import path_at, path_of
+from saltation.results.result import Result, origin
+from saltation.results.tables import encounter_table, fate_table, ordered, path_dataset, table_of, tables_to_dataset
+from saltation.scene import LONGEST, Scene, scene_of
+from saltation.workers import TURN
 
-__all__ = ["run"]
-
-CHUNK = 4096  # steps between two visits of the caller
+ROWS = 4096  # steps between two visits of the caller
 STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain lies still
 RENEWED = 16  # the same without a bed
 MOST_KEPT = 2**16  # steps of a path without jumps; of a longer one every second, every fourth, … is kept
 WIDER = 1e3  # so much farther reaches the memory that takes over, where nothing jumps any more
 GROWTH = 64.0  # of a memory that was too short, at most
 SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
+BLOCKS = 128  # of grains that do not meet, at most
+PART = 2**19  # kept positions in a part of a run: 25 MB
+SLICE = 4096  # grain times interval between two looks at the clock
 STATUS = {
-    flight.JUMPS: ("finished", "all jumps are done"),
+    layout.JUMPS: ("finished", "all jumps are done"),
     stepper.END: ("finished", "the time is over"),
-    flight.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
-    flight.ALOFT: ("aloft", "a flight exceeded run.longest_flight: the grain does not come down in that time"),
-    flight.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
+    layout.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
+    layout.ALOFT: ("aloft", "flight time exceeded run.longest_flight (grain suspended)"),
+    layout.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
     stepper.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
     stepper.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
     stepper.TOO_MANY: ("failed", "too many steps"),
+    collisions.UNTIL: ("finished", "the time is over"),
+    collisions.PILE_UP: ("pile-up", "a grain had more than encounters.pile_up encounters within one d/u*"),
 }
 
 
-def run(scene: Any, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None, executor: Executor | None = None) -> Any:
-    """Simulate a scene.
+def run(
+    scene: Scene, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None, executor: Executor | None = None
+) -> Result:
+    """Simulate a scene whose effects are given; as `saltation.run`."""
+    if scene.cloud is None:
+        return run_one(scene, progress)
+    if executor is not None:
+        return run_blocks(scene, executor, progress)
+    return run_cloud(scene, progress, output)
 
-    Parameters
-    ----------
-    scene : Scene
-        From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
-        `saltation.advice.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` holds the evidence.
-    progress : callable or None
-        Called with the share that is done, 0 to 1 (dimensionless).
-    output : path, optional
-        For a [cloud] only: a folder, made if missing, to which the run writes numbered parts as it goes, so that its memory does
-        not grow. Stopped in any way, the same call goes on from the last part and comes to the same bits.
-    executor : concurrent.futures.Executor, optional
-        For a [cloud] only, and without output: grains that do not meet fly in blocks over its workers, grains that do as one
-        task; the same bits as here.
 
-    Returns
-    -------
-    Result, or CloudResult for a scene with a [cloud]
-        With a status: finished, at rest, creeping, aloft, horizon or failed, and all that was done up to there.
+# One grain
 
-    Raises
-    ------
-    ValueError
-        For an output or an executor without a [cloud], and for both; SceneError for an output that holds something else.
 
-    Examples
-    --------
-    >>> import saltation
-    >>> result = saltation.run(saltation.load("bouncing"))
-    >>> result.status, len(result.jumps)
-    ('finished', 5)
-    """
-    if scene.cloud is not None and executor is not None and output is not None:
-        raise ValueError("give either an output or an executor: blocks of grains have no parts in common")
-    if scene.cloud is None and executor is not None:
-        raise ValueError("executor is for scenes with a [cloud]: many scenes of a single grain are a campaign")
-    if scene.cloud is None and output is not None:
-        raise ValueError("output is for scenes with a [cloud]: save the result of a single grain with result.save(path)")
-    if scene.effects == AUTO:
-        from saltation.advice import resolved
-
-        scene = begun(scene, output) or resolved(scene, executor or Here())
-    if scene.cloud is not None:
-        from saltation.cloud import run_blocks, run_cloud
-
-        return run_cloud(scene, progress, output) if executor is None else run_blocks(scene, executor, progress)
+def run_one(scene: Scene, progress: Callable[[float], None] | None) -> Result:
+    """Simulate one grain, anew with a longer memory where that was too short."""
     seen = 0.0
 
     def report(share: float) -> None:  # never less than before, also where a run begins anew
@@ -105,16 +87,6 @@ def run(scene: Any, progress: Callable[[float], None] | None = None, output: str
         if horizon is None:
             return result
         engine = Engine(scene, horizon)
-
-
-def warm(scene: Any) -> None:
-    """Run a scene as shortly as possible, for what that compiles: the types are those of the whole run."""
-    if scene.effects == AUTO:
-        from saltation.advice import resolved
-
-        scene = resolved(scene, Here())
-    length = {"jumps": 1, "discard": 0} if scene.run.jumps is not None else {"duration": min(scene.run.duration, scene.numbers.time)}
-    run(scene.model_copy(update={"run": scene.run.model_copy(update=length)}))
 
 
 def wider(engine: Engine, result: Result) -> float | None:
@@ -137,48 +109,50 @@ def wider(engine: Engine, result: Result) -> float | None:
 
 def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     """One grain from its start to the end of the run or of the memory."""
-    scene = engine.scene
-    if scene.solver.method != "collocation":
-        from saltation.fixed import run_fixed
-
-        return run_fixed(engine, report)
-    grain = Grain(engine)
-    wanted = scene.run.jumps
+    scene, wanted = engine.scene, engine.scene.run.jumps
+    fixed = scene.solver.method != "collocation"
+    grain = FixedGrain(engine) if fixed else Grain(engine)
     rows: list[Floats] = []
-    trail = Trail(None if scene.bed is not None else MOST_KEPT)
+    trail: Trail | Points = Points(grain) if fixed else Trail(None if scene.bed is not None else MOST_KEPT)
     heirs = [Heir(engine, grain)] if engine.problem.end < engine.end else []
     while heirs and heirs[-1].engine.problem.end < engine.end:
         heirs.append(Heir(heirs[-1].engine, grain))
     recording = scene.run.trajectory or scene.bed is None
     aloft = scene.bed is None  # steps grow: noise of the velocities counts for the positions, so the Jacobian is renewed often
-    table = np.zeros((min(wanted or CHUNK, CHUNK), len(flight.COLUMNS)))
-    record = empty_record(RENEWED if aloft else CHUNK if recording else 1, engine.tables.count, engine.states)
+    table = np.zeros((min(wanted or ROWS, ROWS), len(layout.COLUMNS)))
+    record: Any = (
+        grain.record if isinstance(grain, FixedGrain) else empty_record(RENEWED if aloft else ROWS if recording else 1, engine.tables.count, engine.states)
+    )
     while True:
         if aloft:
             grain.state.numbers[stepper.KNOWN] = 0.0
-        grain.flight[flight.DONE] = 0.0
+        grain.flight[layout.DONE] = 0.0
         code, done = grain.fly(record, recording, table)
-        rows.append(table[: int(grain.flight[flight.DONE])].copy())
-        if scene.run.trajectory and done:
-            trail.add(record, done)
+        rows.append(table[: int(grain.flight[layout.DONE])].copy())
+        if scene.run.trajectory:
+            trail.add(record, done, grain)
         for heir in heirs:
             heir.follow(record, done)
-        report(min(1.0, float(grain.flight[flight.TAKEN] / wanted if wanted else grain.state.numbers[stepper.TIME] / engine.end)))
+        report(min(1.0, float(grain.flight[layout.TAKEN] / wanted if wanted else grain.state.numbers[stepper.TIME] / engine.end)))
         if code == stepper.END and heirs:
             grain = heirs.pop(0).take_over(grain)
-        elif code not in (stepper.FULL, flight.CROWDED):
+        elif code not in (stepper.FULL, layout.CROWDED):
             break
-    return Result.of(grain.engine, np.concatenate(rows), trail.whole(), *ending(code, grain), grain.spin[:3])
+    whole, engine = np.concatenate(rows), grain.engine
+    spins = np.vstack([whole[:, -3:], grain.spin[:3]])  # at the end of every flight
+    jumps, path = table_of(whole, engine.numbers.stokes(1.0)), partial(trail.path, engine, spins) if scene.run.trajectory else None
+    return Result(scene, jumps, *ending(code, grain), origin(scene), float(grain.state.numbers[stepper.TIME]), path=path)
 
 
-def ending(code: int, grain: Grain, otherwise: tuple[str, str] = ("failed", "the flight stopped")) -> tuple[str, str]:
+def ending(code: int, grain: Grain) -> tuple[str, str]:
     """Status and why, from what a flight came back with."""
-    short = grain.flight[flight.SHORT]
-    if code == flight.JUMPS and short >= min(STILL, grain.flight[flight.TAKEN]):
-        code = flight.REST
-    if code == flight.REST and abs(grain.flight[flight.U]) > SLIDING:
+    short = grain.flight[layout.SHORT]
+    if code == layout.JUMPS and short >= min(STILL, grain.flight[layout.TAKEN]):
+        code = layout.REST
+    if code == layout.REST and abs(grain.flight[layout.U]) > SLIDING:
         return "creeping", "the grain slides along the bed: impacts follow each other without flight"
-    return STATUS.get(code, otherwise)
+    diverged = "the steps diverge: take a smaller solver.dt or a lower history.order" if isinstance(grain, FixedGrain) else "the flight stopped"
+    return STATUS.get(code, ("failed", diverged))
 
 
 class Heir:
@@ -221,8 +195,10 @@ class Trail:
         self.parts: list[stepper.Record] = []
         self.last: stepper.Record | None = None
 
-    def add(self, record: stepper.Record, done: int) -> None:
+    def add(self, record: stepper.Record, done: int, grain: Grain) -> None:
         """Keep what was recorded."""
+        if not done:
+            return
         first = -self.seen % self.every
         self.parts.append(stepper.Record(*(array[first : done : self.every].copy() for array in record)))
         self.last = stepper.Record(*(array[done - 1 : done].copy() for array in record))
@@ -238,26 +214,196 @@ class Trail:
         left_out = (self.seen - 1) % self.every != 0
         return joined([*self.parts, self.last] if left_out else self.parts)
 
+    def path(self, engine: Engine, spins: Floats) -> xr.Dataset:
+        """The path; `spins` at the end of every flight (flight, 3)."""
+        return path_of(engine, self.whole(), spins)
+
+
+class Points:
+    """The nodes of fixed steps, and the takeoffs, where rates are unknown."""
+
+    def __init__(self, grain: Grain) -> None:
+        self.kept: list[Floats] = []
+        self._take_off(grain)
+
+    def _take_off(self, grain: Grain) -> None:
+        y = grain.state.y
+        self.kept.append(np.concatenate([[grain.state.numbers[stepper.TIME]], y, np.full(len(y), np.nan)])[None])
+
+    def add(self, record: Any, done: int, grain: Grain) -> None:
+        """Keep what was recorded, and where the grain took off behind it."""
+        self.kept.append(np.column_stack([record.times[:done], record.states[:done], record.rates[:done]]))
+        if grain.flight[layout.DONE]:
+            self._take_off(grain)
+
+    def path(self, engine: Engine, spins: Floats) -> xr.Dataset:
+        """The path; `spins` at the end of every flight (flight, 3)."""
+        whole, n = np.concatenate(self.kept), engine.states
+        which = np.cumsum(np.isnan(whole[:, -1])) - 1  # flight of each point
+        return path_at(engine, whole[:, 0], whole[:, 1 : 1 + n], whole[:, 1 + n :], spins[which])
+
 
 def joined(parts: list[stepper.Record]) -> stepper.Record:
     """Records one after the other."""
     return stepper.Record(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def begun(scene: Any, output: str | os.PathLike[str] | None) -> Any:
-    """What was chosen for a scene that says "auto" when the run in this folder began; None if there is none."""
-    if output is None:
-        return None
-    from saltation.cloud_result import words_in
+# Many grains
 
+
+class Part:
+    """What one stretch of a run leaves."""
+
+    def __init__(self, engine: Engine, grains: range, first: int, count: int) -> None:
+        self.engine, self.grains, self.first = engine, grains, first
+        scene = engine.scene
+        self.interval = scene.grains.interval
+        shape = (count if scene.run.trajectory else 0, len(grains), 2 * engine.dimensions)
+        self.samples = collisions.Samples(self.interval, np.array([first]), np.full(shape, np.nan))
+        self.owners: list[Floats] = []
+        self.jumps: list[Floats] = []
+        self.met: list[Floats] = []
+
+    def empty(self, logs: collisions.Logs) -> None:
+        """Take what is in the logs."""
+        jumps, met = logs.count[:2]
+        self.owners.append(logs.owners[:jumps] + np.int32(self.grains.start))
+        self.jumps.append(logs.jumps[:jumps].copy())
+        self.met.append(logs.encounters[:met].copy())
+        logs.count[:2] = 0
+
+    def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Jumps and collisions."""
+        jumps = table_of(np.concatenate(self.jumps), self.engine.numbers.stokes(1.0), np.concatenate(self.owners))
+        return jumps, encounter_table(np.concatenate(self.met))
+
+    def path(self, until: float) -> Any:
+        """Kept positions up to a time; None if none are kept."""
+        if not len(self.samples.values):
+            return None
+        times = (self.first + np.arange(len(self.samples.values))) * self.interval
+        done = times <= until * ROUNDED
+        path = path_dataset(self.engine.scene, times[done], self.samples.values[done])
+        return path.assign_coords(grain=path["grain"] + np.int32(self.grains.start))
+
+    def dataset(self, until: float) -> Any:
+        """All of it."""
+        whole, path = tables_to_dataset(self.engine.scene, *self.tables()), self.path(until)
+        return whole if path is None else whole.merge(path, combine_attrs="override")
+
+
+def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
+    """Fly one stretch; (code, time reached, grain that stopped it)."""
+    slices = max(1, math.ceil((end - begin) * len(cloud.crowd.clock) / (SLICE * part.interval)))
+    code, grain, clock = collisions.UNTIL, 0, begin
+    for k in range(1, slices + 1):
+        until = end if k == slices else begin + k * (end - begin) / slices
+        for code, grain in cloud.advance(until, part.samples):
+            part.empty(cloud.logs)
+            if code in (layout.REST, layout.ALOFT):
+                slides = abs(cloud.speed_of(grain)) > SLIDING
+                fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
+                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, stepper.TIME]), fate])
+        if code != collisions.UNTIL:
+            return code, float(cloud.crowd.clock[grain]) if cloud.world is not None else clock, grain
+        clock = until
+        progress(until)
+    return code, clock, grain
+
+
+def note(cloud: Cloud, known: dict[str, Any]) -> None:
+    """Add what is special to encounters to the provenance."""
+    if cloud.world is not None:
+        scene = cloud.engine.scene
+        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
+
+
+def run_cloud(
+    scene: Scene,
+    progress: Callable[[float], None] | None = None,
+    output: str | os.PathLike[str] | None = None,
+    grains: range | None = None,
+) -> Result:
+    """Simulate many grains, or without encounters some of them; as `saltation.run`."""
+    with Folder(output, scene) if output is not None else contextlib.nullcontext() as folder:
+        return fly_cloud(scene, progress, folder, grains)
+
+
+def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Folder | None, grains: range | None) -> Result:
+    """Many grains from where they are to the end of the run, part by part."""
+    engine = Engine(scene)
+    cloud = Cloud(engine, grains)
+    end, interval = scene.end, scene.grains.interval
+    count = max(1, PART // scene.grains.number)  # samples of a part
+    every = math.floor(end / interval * ROUNDED) + 1
+    stretch = count * interval
+    last = max(1, math.ceil(end / stretch * (1.0 - 1e-12)))
+    known = origin(scene)
+    now = RunStatus(0, 0.0, *STOPPED, [])
+    if folder is not None:
+        if (before := folder.read_status()) is not None and before["status"] != STOPPED[0]:
+            return open_folder(folder.path)
+        now = folder.load_checkpoint(cloud.arrays())
+        cloud.tabulate()
+        note(cloud, known)
+        folder.write_status(now, known)  # the last words of a run that was killed between its checkpoint and them
+
+    def report(time: float) -> None:
+        if progress is not None:
+            progress(min(1.0, time / end))
+
+    parts: list[Part] = []
+    while now.status == STOPPED[0]:
+        k = now.parts
+        part = Part(engine, cloud.grains, k * count, every - k * count if k + 1 == last else count)  # the end itself belongs to the last one
+        code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), now.fates, report)
+        note(cloud, known)
+        status, message = STATUS[code] if code != collisions.UNTIL or k + 1 == last else STOPPED
+        now = RunStatus(k + 1, reached, status, message if code == collisions.UNTIL else f"grain {cloud.grains.start + grain}: {message}", now.fates)
+        if folder is None:
+            parts.append(part)
+        else:
+            folder.put(k, part.dataset(reached), reached)
+            folder.save_checkpoint(cloud.arrays(), now)
+            folder.write_status(now, known)
+    if folder is not None:
+        return open_folder(folder.path)
+    tables = [part.tables() for part in parts]
+    jumps = ordered(pd.concat([own for own, _ in tables], ignore_index=True))
+    met = pd.concat([met for _, met in tables], ignore_index=True)
+    paths = [path for part in parts if (path := part.path(now.time)) is not None]
+    path = xr.concat(paths, "time", data_vars="all") if paths else None
+    return Result(scene, jumps, now.status, now.message, known, now.time, met, fate_table(now.fates), path)
+
+
+def fly_block(text: str, first: int, last: int) -> bytes:
+    """Some grains of a scene in JSON, packed: what a worker is given."""
+    with TURN:
+        return packed(run_cloud(scene_of(json.loads(text)), grains=range(first, last)), "")
+
+
+def run_blocks(scene: Scene, executor: Executor, progress: Callable[[float], None] | None) -> Result:
+    """Simulate many grains over an executor, in blocks if they do not meet; the bits are those of one piece."""
+    number, text = scene.grains.number, text_of(scene)
+    block = number if "encounters" in scene.names else math.ceil(number / min(BLOCKS, math.ceil(cost_of(scene) / CHUNK)))
+    futures = {executor.submit(fly_block, text, first, min(number, first + block)): first for first in range(0, number, block)}
+    found: dict[int, Result] = {}
     try:
-        found = scene_of(words_in(Path(output))["scene"])
-    except (OSError, ValueError):
-        return None
-    return found if found.chosen is not None and found.chosen.of == key_of(scene) else None
-
-
-def empty_record(steps: int, stages: int, states: int) -> stepper.Record:
-    """Room for so many steps."""
-    shapes: tuple[Any, ...] = (steps, steps, steps, steps, (steps, states), (steps, stages, states), steps, (steps, 0), (steps, 0))
-    return stepper.Record(*(np.zeros(shape) for shape in shapes))
+        for future in as_completed(futures):
+            found[futures[future]] = unpacked(future.result())
+            if progress is not None:
+                progress(len(found) / len(futures))
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    parts = [found[first] for first in sorted(found)]
+    if len(parts) == 1:
+        return parts[0]
+    if any(part.status != "finished" for part in parts):
+        return run_cloud(scene, progress)  # the run ends where its first grain fails: in one piece
+    jumps = pd.concat([part.all_jumps for part in parts], ignore_index=True)
+    fates = [row for part in parts for row in part.fates[["grain", "time", "fate"]].to_numpy().tolist()]
+    path = xr.concat([part.trajectory for part in parts], "grain", data_vars="all") if scene.run.trajectory else None
+    whole = parts[0]
+    return Result(scene, jumps, whole.status, whole.message, whole.provenance, whole.time, whole.encounters, fate_table(fates), path)

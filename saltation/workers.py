@@ -35,7 +35,7 @@ class Processes(Executor):
         self._lock = threading.Lock()
         self._over = False
         self._tasks: queue.SimpleQueue[tuple[Future[Any], Any] | None] = queue.SimpleQueue()
-        with _deaf():  # what starts deaf to interrupts stays so, from its first line on
+        with ignore_sigint():  # what starts deaf to interrupts stays so, from its first line on
             self._workers = [_start() for _ in range(workers)]
         self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(workers)]
         for thread in self._threads:
@@ -66,7 +66,7 @@ class Processes(Executor):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> bool | None:
         """After an error or an interrupt the workers end at once."""
-        with _deaf():
+        with ignore_sigint():
             if kind is not None:
                 with self._lock:
                     self._over = True
@@ -116,11 +116,29 @@ class Processes(Executor):
         return True
 
 
-class Here(Executor):
-    """An executor that does each task at once, in this process: for callers that must not start others."""
+class SerialExecutor(Executor):
+    """An executor that does each task at once, in this process: for callers that must not start others.
+
+    Examples
+    --------
+    >>> SerialExecutor().submit(pow, 2, 10).result()
+    1024
+    """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call a function; the future is done, with the result or the error."""
+        """Call a function.
+
+        Parameters
+        ----------
+        fn : callable
+        *args, **kwargs
+            Its arguments.
+
+        Returns
+        -------
+        Future
+            Done, with the result or the error.
+        """
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -177,7 +195,7 @@ def _work(pipe: Connection) -> None:
 
 
 @contextlib.contextmanager
-def _deaf() -> Iterator[None]:
+def ignore_sigint() -> Iterator[None]:
     """Interrupts are ignored; where signals cannot be set (not the main thread) nothing happens."""
     try:
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import ast
 import inspect
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -57,6 +60,13 @@ def test_one_place_knows_the_compiler(path):
     if path in (ROOT / "basset" / "_compile.py", ROOT / "basset" / "_places.py"):  # the second is a part of the first, loaded when the compiler is
         return
     assert not [name for name in imported(path) if name.split(".")[0] == "numba"]
+
+
+def test_layers_hold_and_no_circle_is_left():
+    """The contracts in pyproject.toml, as in `make lint`."""
+    code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 def test_relative_imports_are_seen(tmp_path, monkeypatch):

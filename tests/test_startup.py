@@ -85,7 +85,7 @@ def test_nothing_is_loaded_that_is_not_needed(words):
 @pytest.mark.parametrize(
     ("file", "line", "words"),
     [
-        ("saltation/scene.py", "import xarray", "saltation check sand"),
+        ("saltation/scene/model.py", "import xarray", "saltation check sand"),
         ("saltation/cli.py", "import pandas", "saltation --help"),
         ("basset/_compile.py", "import numba", "saltation check sand"),
         ("basset/__init__.py", "import scipy.signal", "-c|import basset"),

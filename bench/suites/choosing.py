@@ -11,8 +11,9 @@ import pandas as pd
 
 import saltation
 from bench.grains import rounded
-from saltation import advice
 from saltation.scene import SceneError
+from saltation.study import cases, choices
+from saltation.study import effects as advice
 
 SCENES = ("sand", "sand_coarse", "gravel")
 ALWAYS = ("weight", "drag")  # without either no run finishes
@@ -31,7 +32,7 @@ def every_set(scene: Any) -> dict[str, Any]:
     for number in range(len(optional) + 1):
         for left_out in itertools.combinations(optional, number):
             try:
-                made = advice.without(scene, left_out)
+                made = cases.without(scene, left_out)
             except SceneError:  # Magnus with nothing that turns the grain
                 continue
             found["+".join(made.names)] = made
@@ -40,15 +41,15 @@ def every_set(scene: Any) -> dict[str, Any]:
 
 def truth(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
-    cases = every_set(advice.changed(scene, run={"seed": SEED}))
-    table = advice.compare(advice.enough(cases, error, None, None)[0])
+    cases = every_set(scene.changed(run={"seed": SEED}))
+    table = cases.compare(cases.enough(cases, error, None, None)[0])
     table["time"] = advice.costs(cases)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
 
 
 def largest(row: pd.Series) -> float | None:
     """The largest relative change of H, L and ū itself, without its bounds; None where a run did not finish."""
-    return max(abs(float(row[f"{name}_change"])) for name in advice.VARIABLES) if row["status"] == "finished" else None
+    return max(abs(float(row[f"{name}_change"])) for name in cases.VARIABLES) if row["status"] == "finished" else None
 
 
 def plain(row: pd.Series) -> dict[str, Any]:
@@ -60,7 +61,7 @@ def chosen(scene: Any, tolerance: float) -> list[dict[str, Any]]:
     """What is chosen with several seeds, and the seconds that takes with everything compiled, beside those of the scene's own run."""
     rows = []
     for seed in SEEDS:
-        made = advice.changed(scene, run={"seed": seed})
+        made = scene.changed(run={"seed": seed})
         start = time.perf_counter()
         evidence = advice.choose(made, tolerance).chosen.model_dump()
         between = time.perf_counter()
@@ -71,21 +72,21 @@ def chosen(scene: Any, tolerance: float) -> list[dict[str, Any]]:
 
 def combined(scene: Any) -> dict[str, Any]:
     """Every open choice with every other."""
-    table = advice.combinations(scene)
-    extent = advice.extent(table)
+    table = choices.combinations(scene)
+    extent = choices.extent(table)
     return {
         "number": len(table),
         "finished": int((table["status"] == "finished").sum()),
         "extent": {f"{quantile:g}": plain(row) for quantile, row in extent.iterrows()},
-        "shares": {str(choice): plain(row) for choice, row in advice.shares(table).iterrows()},
+        "shares": {str(choice): plain(row) for choice, row in choices.shares(table).iterrows()},
     }
 
 
 def magnus(scene: Any) -> dict[str, Any]:
     """The scene with the coefficient that was measured at high Reynolds numbers, beside the thesis's and none; and what is then chosen."""
-    made = advice.changed(scene, magnus={"coefficient": MEASURED})
-    cases = {"0.75": scene, f"{MEASURED:g}": made, "none": advice.without(scene, ["magnus"])}
-    table = advice.compare(advice.enough(cases, 0.01, None, None)[0])
+    made = scene.changed(magnus={"coefficient": MEASURED})
+    each = {"0.75": scene, f"{MEASURED:g}": made, "none": cases.without(scene, ["magnus"])}
+    table = cases.compare(cases.enough(each, 0.01, None, None)[0])
     return {
         "coefficient": MEASURED,
         "rows": {str(name): plain(row) for name, row in table.iterrows()},
@@ -103,7 +104,7 @@ def run(full: bool) -> dict[str, Any]:
         found["ablation"][name] = [{"effect": str(effect), **plain(row)} for effect, row in advice.ablate(scene).iterrows()]
         found["chosen"][name] = chosen(scene, advice.TOLERANCE)
         found["looser"][name] = chosen(scene, LOOSER)
-        found["uncertainty"][name] = [plain(row) for _, row in advice.uncertainty(scene, error=0.01).iterrows()]
+        found["uncertainty"][name] = [plain(row) for _, row in choices.uncertainty(scene, error=0.01).iterrows()]
     scene = saltation.load(COMBINED)
     return {
         **found,

@@ -21,10 +21,10 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from bench import hand_written
 from bench.grains import at_fixed_steps, base, changed
-from saltation import campaigns, flight
-from saltation.engine import Engine, Grain
+from saltation.flight import layout
+from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.scene import scene_of
-from saltation.simulation import empty_record
+from saltation.study import thesis
 
 RTOL = 1e-5  # of what a jump may cost
 JUMPS = 400  # timed
@@ -33,7 +33,7 @@ FLOWN, REFERENCE = 60, 1e-10  # jumps whose errors are taken, rtol of their refe
 COUNTED = 200  # jumps of a mean height
 HORIZONS = {"impulse": 110.0, "reset": 240.0}  # d/u* that fixed steps are ready to remember: FLOWN jumps and some more
 QUANTITIES = ("duration", "length", "height")
-PLACES = [flight.COLUMNS.index(name) for name in ("duration", "length", "rise")]
+PLACES = [layout.COLUMNS.index(name) for name in ("duration", "length", "rise")]
 RTOLS = tuple(10.0**-k for k in range(2, 9))
 HALVED = {"sand": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "sand_coarse": (1e-3, 1e-4, 1e-5, 1e-6), "gravel": (1e-3, 1e-4, 1e-5, 1e-6)}
 OURS, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
@@ -70,10 +70,10 @@ def fly(engine: Engine, jumps: int) -> tuple[Grain, Floats]:
     RuntimeError
         If it does not get that far.
     """
-    grain, table = Grain(engine), np.zeros((jumps, len(flight.COLUMNS)))
+    grain, table = Grain(engine), np.zeros((jumps, len(layout.COLUMNS)))
     code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
-    if code not in (flight.JUMPS, flight.CROWDED):
-        raise RuntimeError(f"the flight ended with {code} after {int(grain.flight[flight.TAKEN])} jumps")
+    if code not in (layout.JUMPS, layout.CROWDED):
+        raise RuntimeError(f"the flight ended with {code} after {int(grain.flight[layout.TAKEN])} jumps")
     return grain, table
 
 
@@ -297,7 +297,7 @@ def campaign(full: bool) -> dict[str, Any]:
     """The thesis's runs on two cores by the command, start-up included, everything compiled before."""
     if not full:
         return {"status": "skipped", "reason": "only with --full"}
-    runs = len(campaigns.thesis())
+    runs = len(thesis.thesis())
     times = []
     for _ in range(2):  # the first may have to compile
         with tempfile.TemporaryDirectory() as folder:

@@ -14,13 +14,13 @@ import pandas as pd
 import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
-from saltation import campaigns, flight, grains
-from saltation.cloud import Cloud, starts
-from saltation.cloud_result import CloudResult
-from saltation.encounters import UNTIL, Samples
-from saltation.engine import Engine, Grain, Start
+from saltation.flight import layout
+from saltation.flight.collisions import UNTIL, Samples
+from saltation.flight.crowd import Cloud, starts
+from saltation.flight.setup import Engine, Grain, Start, empty_record
+from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
-from saltation.simulation import empty_record
+from saltation.study import campaigns, grains, thesis
 
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
@@ -127,16 +127,16 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         best["cloud"] = min(best["cloud"], time.perf_counter() - begin)
         together = np.concatenate(rows)
         grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]
-        record, table = empty_record(1, engine.tables.count, engine.states), np.zeros((1000, len(flight.COLUMNS)))
+        record, table = empty_record(1, engine.tables.count, engine.states), np.zeros((1000, len(layout.COLUMNS)))
         alone = []
         taken = 0.0
         for i, grain in enumerate(grains):
             grain.memory = grain.memory._replace(horizon=until)  # comes back after the step that passes it
-            grain.flight[flight.DONE] = 0.0
+            grain.flight[layout.DONE] = 0.0
             begin = time.perf_counter()
             grain.fly(record, False, table)
             taken += time.perf_counter() - begin
-            jumps = int(grain.flight[flight.DONE])
+            jumps = int(grain.flight[layout.DONE])
             alone.append(np.column_stack([np.full(jumps, i), table[:jumps]]))
         best["one by one"] = min(best["one by one"], taken)
     single = np.concatenate(alone)
@@ -153,11 +153,11 @@ def study() -> dict[str, Any]:
     """The 24 runs of Table 4-1 as anyone would run them, and all that is asked of them."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        table = campaigns.campaign(campaigns.grains(), results=folder)
+        table = campaigns.campaign(thesis.grains(), results=folder)
         seconds = time.perf_counter() - begin
 
-        def opened(name: str) -> CloudResult:
-            result: CloudResult = saltation.open(Path(folder) / f"{name}.nc")
+        def opened(name: str) -> Result:
+            result: Result = saltation.open(Path(folder) / f"{name}.nc")
             return result
 
         found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}

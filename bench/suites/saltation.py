@@ -11,8 +11,9 @@ import pandas as pd
 import saltation
 from bench import grains
 from bench.grains import QUANTITIES, Task, base, changed, rounded
-from saltation import campaigns, regressions, statistics
+from saltation import regressions, statistics
 from saltation.scene import scene_of
+from saltation.study import thesis
 
 COUNTED, COUNTED_SHORT = 600, 200  # jumps per run
 SCENES = {73: "sand", 250: "sand_coarse"}
@@ -305,7 +306,7 @@ def single(found: Found) -> list[dict[str, Any]]:
 def thesis_runs() -> dict[str, Content]:
     """Runs A, B, C and G with Set 2 at R_p 73, T 1.87, from the campaign."""
     chosen = {}
-    for labels, scene in campaigns.thesis():
+    for labels, scene in thesis.thesis():
         if labels["set"] == 2 and labels["particle_reynolds"] == 73.0 and labels["stage"] == 1.87 and labels["run"] in "ABCG":
             chosen[labels["run"]] = scene.model_dump(mode="json", exclude_none=True)
     return chosen
@@ -368,7 +369,7 @@ def overlap(table: pd.DataFrame, measured: tuple[str, int], model: tuple[str, in
 
 def thesis_campaign(full: bool) -> dict[str, Any]:
     """Runs A–H × Sets 1–4 over both grain sizes, judged by the regressions; a shorter table at one stage per size without --full."""
-    pairs = campaigns.thesis()
+    pairs = thesis.thesis()
     if not full:
         pairs = [(labels, scene) for labels, scene in pairs if labels["stage"] in (1.87, 2.67, 3.08, 3.85)]
     table = saltation.campaign(pairs)
@@ -376,7 +377,7 @@ def thesis_campaign(full: bool) -> dict[str, Any]:
     columns += [f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se")]
     return {
         "runs": rounded(table[columns].to_dict("records")),
-        "judged": rounded(campaigns.judge(table).to_dict("records")),
+        "judged": rounded(thesis.judge(table).to_dict("records")),
         "overlap": overlap(table, ("E", 2), ("G", 2)),
     }
 

@@ -6,7 +6,7 @@ import pytest
 from bench import hand_written
 from bench.suites import flights as suite
 from reports import build, flights, page
-from saltation.engine import Grain
+from saltation.flight.setup import Grain
 
 JUMPS = 40
 

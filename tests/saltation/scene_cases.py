@@ -15,7 +15,7 @@ import saltation
 from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
-from saltation import encounters, fixed, flight
+from saltation.flight import collisions, fixed, loop
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
 
@@ -50,7 +50,7 @@ def interpreted() -> Iterator[None]:
     """The flight as plain Python: the same source."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.object(_compile, "jit", lambda: False))
-        for module in (flight, fixed, encounters, stepper):
+        for module in (loop, fixed, collisions, stepper):
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))
@@ -163,7 +163,7 @@ def cloud_scene(number: int, duration: float, **changes: Any) -> Any:
 def starting(places: Any, velocities: Any, spins: Any = None) -> Iterator[None]:
     """Clouds set out from here: positions (d), velocities (V) and spins (V/d), (grain, 3)."""
     arrays = [np.array(values, dtype=np.float64) for values in (places, velocities, np.zeros(np.shape(places)) if spins is None else spins)]
-    with mock.patch("saltation.cloud.starts", lambda engine: tuple(arrays)):
+    with mock.patch("saltation.flight.crowd.starts", lambda engine: tuple(arrays)):
         yield
 
 

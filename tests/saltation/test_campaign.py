@@ -18,12 +18,15 @@ import pytest
 from click.testing import CliRunner
 
 import saltation
-from saltation import _keys, campaigns, cli, regressions, statistics
+from saltation import _keys, cli, regressions, statistics
 from saltation._keys import key_of
-from saltation.campaigns import COLUMNS, QUANTITIES, Store, campaign, judge, thesis
-from saltation.cloud import run_cloud
-from saltation.result import unpacked
+from saltation.results.files import unpacked
 from saltation.scene import read, scene_of
+from saltation.simulation import run_cloud
+from saltation.study import campaigns
+from saltation.study import thesis as study
+from saltation.study.campaigns import COLUMNS, QUANTITIES, Store, campaign
+from saltation.study.thesis import judge, thesis
 from saltation.workers import Processes, cores, processes
 
 
@@ -119,14 +122,14 @@ def test_a_scene_without_jumps_that_count_has_no_means():
     assert np.isnan(row["clipped"])
 
 
-def test_handfuls_share_a_compiled_form_and_the_first_of_each_come_first():
+def test_batches_share_a_compiled_form_and_the_first_of_each_come_first():
     scenes = {key_of(scene): scene for _, scene in thesis()}
     found = campaigns.chunks(scenes)
-    assert sorted(key for handful in found for key in handful) == sorted(scenes)
-    forms = [{campaigns.form_of(scenes[key]) for key in handful} for handful in found]
+    assert sorted(key for batch in found for key in batch) == sorted(scenes)
+    forms = [{campaigns.form_of(scenes[key]) for key in batch} for batch in found]
     assert all(len(form) == 1 for form in forms)
-    assert len({form for handful in forms[:8] for form in handful}) == 8  # Runs A to H
-    assert all(sum(scenes[key].run.jumps for key in handful) <= campaigns.CHUNK for handful in found)
+    assert len({form for batch in forms[:8] for form in batch}) == 8  # Runs A to H
+    assert all(sum(scenes[key].run.jumps for key in batch) <= campaigns.CHUNK for batch in found)
 
 
 # The store
@@ -397,7 +400,7 @@ def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path):
 @pytest.mark.parametrize("meeting", [False, True])
 def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkeypatch):
     """In processes of their own, whose tables of step sizes are empty as they start."""
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     scene, shares, blocks = cloud(meeting), [], []
 
     class Counting(ThreadPoolExecutor):
@@ -414,7 +417,7 @@ def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkey
 
 
 def test_blocks_from_which_grains_leave(monkeypatch):
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     scene = cloud(False)
     scene = scene.model_copy(update={"run": scene.run.model_copy(update={"longest_flight": 1.5})})
     with ThreadPoolExecutor(1) as executor:
@@ -425,7 +428,7 @@ def test_blocks_from_which_grains_leave(monkeypatch):
 
 
 def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
-    monkeypatch.setattr("saltation.cloud.CHUNK", 20)
+    monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     opened = []
 
     def first_fails(content):
@@ -434,9 +437,9 @@ def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
             opened[0].status = "failed"
         return opened[-1]
 
-    monkeypatch.setattr("saltation.cloud.unpacked", first_fails)
+    monkeypatch.setattr("saltation.simulation.unpacked", first_fails)
     whole = saltation.run(cloud(False))
-    monkeypatch.setattr("saltation.cloud.run_cloud", lambda scene, *rest, grains=None: whole if grains is None else run_cloud(scene, grains=grains))
+    monkeypatch.setattr("saltation.simulation.run_cloud", lambda scene, *rest, grains=None: whole if grains is None else run_cloud(scene, grains=grains))
     with ThreadPoolExecutor(1) as executor:
         assert saltation.run(cloud(False), executor=executor) is whole
     assert len(opened) > 1
@@ -444,7 +447,7 @@ def test_where_a_block_fails_the_run_is_that_in_one_piece(monkeypatch):
 
 def test_what_an_executor_is_not_for(tmp_path):
     with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(ValueError, match="executor is for scenes with a \\[cloud\\]"):
+        with pytest.raises(ValueError, match="executor needs a multi-grain scene"):
             saltation.run(sand(), executor=executor)
         with pytest.raises(ValueError, match="either an output or an executor"):
             saltation.run(cloud(), output=tmp_path / "out", executor=executor)
@@ -461,7 +464,7 @@ def test_what_a_cloud_costs():
 
 
 def test_table_4_1_has_24_runs():
-    found = campaigns.grains()
+    found = study.grains()
     labels = pd.DataFrame([labels for labels, _ in found])
     assert len({key_of(scene) for _, scene in found}) == labels["name"].nunique() == 24
     assert labels.drop(columns="name").drop_duplicates().shape == (24, 4)
@@ -477,10 +480,10 @@ def test_table_4_1_has_24_runs():
 
 def test_the_command_runs_table_4_1_compares_and_goes_on(tmp_path, monkeypatch):
     """Four of its runs, short, of fewer grains; a lost result is made again, and with all of them there nothing is."""
-    monkeypatch.setattr(campaigns, "CONCENTRATIONS", {0.0233: 20})
-    monkeypatch.setattr(campaigns, "REYNOLDS", (73.0,))
-    monkeypatch.setattr(campaigns, "STAGES_OF_GRAINS", (2.0, 3.0))
-    monkeypatch.setattr(campaigns, "LASTING", 30.0)
+    monkeypatch.setattr(study, "CONCENTRATIONS", {0.0233: 20})
+    monkeypatch.setattr(study, "REYNOLDS", (73.0,))
+    monkeypatch.setattr(study, "STAGES_OF_GRAINS", (2.0, 3.0))
+    monkeypatch.setattr(study, "LASTING", 30.0)
     arguments = ["campaign", "grains", "--set", "run.discard=2", "--output", str(tmp_path / "out")]
     out = CliRunner().invoke(cli.main, arguments)
     assert out.exit_code == 0, (out.output, out.exception)

@@ -12,12 +12,16 @@ from click.testing import CliRunner
 from scene_cases import merged
 
 import saltation
-from saltation import advice, advice_plots, cli, simulation
+from saltation import cli, front
 from saltation._keys import key_of, text_of
-from saltation.cloud_result import WORDS, words_of
 from saltation.effects import EFFECTS
+from saltation.plots import choices as advice_plots
+from saltation.results.files import WORDS, words_of
+from saltation.results.folder import begun
 from saltation.scene import SceneError, scene_of, shipped
-from saltation.workers import Here
+from saltation.study import cases, choices
+from saltation.study import effects as advice
+from saltation.workers import SerialExecutor
 
 PLAIN = {  # three numbers of state and no memory: quick to compile
     "effects": ["weight", "drag", "lift"],
@@ -80,7 +84,7 @@ def table_of(**rows):
     lines = {}
     for name, (status, *means) in rows.items():
         line = {"status": status, "jumps": 1000}
-        for quantity, mean in zip(advice.VARIABLES, means, strict=True):
+        for quantity, mean in zip(cases.VARIABLES, means, strict=True):
             line |= {quantity: mean, f"{quantity}_se": 0.001 * mean}
         lines[name] = line
     return pd.DataFrame(lines).T.infer_objects()
@@ -90,7 +94,7 @@ class TestCompare:
     """Changes and their errors."""
 
     def test_changes_are_relative_and_errors_add_in_squares(self):
-        found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), lift=("finished", 1.5, 10.0, 6.0)))
+        found = cases.compare(table_of(full=("finished", 2.0, 10.0, 5.0), lift=("finished", 1.5, 10.0, 6.0)))
         assert found.loc["lift", "height_change"] == pytest.approx(-0.25)
         assert found.loc["lift", "velocity_change"] == pytest.approx(0.2)
         assert found.loc["lift", "height_error"] == pytest.approx(0.75 * math.sqrt(2.0) * 0.001)  # of a ratio: relative errors add in squares
@@ -103,10 +107,10 @@ class TestCompare:
         ratios = random.normal(1.5, 0.015, 20_000) / random.normal(0.5, 0.02, 20_000)
         rows = table_of(full=("finished", 0.5, 1.0, 1.0), lift=("finished", 1.5, 1.0, 1.0))
         rows.loc["full", "height_se"], rows.loc["lift", "height_se"] = 0.02, 0.015
-        assert advice.compare(rows).loc["lift", "height_error"] == pytest.approx(ratios.std(), rel=0.05)
+        assert cases.compare(rows).loc["lift", "height_error"] == pytest.approx(ratios.std(), rel=0.05)
 
     def test_a_run_that_does_not_finish_bounds_nothing(self):
-        found = advice.compare(table_of(full=("finished", 2.0, 10.0, 5.0), drag=("at rest", 2.0, 10.0, 5.0)))
+        found = cases.compare(table_of(full=("finished", 2.0, 10.0, 5.0), drag=("at rest", 2.0, 10.0, 5.0)))
         assert advice.bound(found.loc["drag"]) == math.inf
         assert advice.shown(found.loc["drag"]) == "at rest"
 
@@ -128,10 +132,10 @@ class TestChoose:
                 missing = [name for name in saltation.load("sand").names if name not in scene.names]
                 mean = 1.0 + sum(self.DOES.get(name, 0.0) for name in missing)
                 row = {"case": labels["case"], "jumps": scene.run.jumps - scene.run.discard, "status": "at rest" if "drag" in missing else "finished"}
-                rows.append(row | dict.fromkeys(advice.VARIABLES, mean) | {f"{name}_se": 1e-4 for name in advice.VARIABLES})
+                rows.append(row | dict.fromkeys(cases.VARIABLES, mean) | {f"{name}_se": 1e-4 for name in cases.VARIABLES})
             return pd.DataFrame(rows)
 
-        monkeypatch.setattr(advice, "campaign", campaign)
+        monkeypatch.setattr(cases, "campaign", campaign)
         return tried
 
     def test_what_changes_less_than_the_tolerance_is_left_out_together(self, flown):
@@ -163,14 +167,14 @@ class TestChoose:
 
     def test_what_is_undecided_is_flown_on(self, flown, monkeypatch):
         """With 4 % of the tolerance to spare and a standard error of as much, only more jumps can tell."""
-        known, asked = advice.campaign, []
+        known, asked = cases.campaign, []
 
         def rough(scenes, *given, **more):
             asked.append({labels["case"]: scene.run.jumps for labels, scene in scenes})
             found = known(scenes, *given, **more)
-            return found.assign(**{f"{name}_se": 0.02 / np.sqrt(found["jumps"] / advice.PILOT) for name in advice.VARIABLES})
+            return found.assign(**{f"{name}_se": 0.02 / np.sqrt(found["jumps"] / cases.PILOT) for name in cases.VARIABLES})
 
-        monkeypatch.setattr(advice, "campaign", rough)
+        monkeypatch.setattr(cases, "campaign", rough)
         monkeypatch.setitem(self.DOES, "lift", 0.17)
         monkeypatch.setitem(self.DOES, "added_mass", 0.0)
         monkeypatch.setitem(self.DOES, "history", 0.5)
@@ -181,15 +185,15 @@ class TestChoose:
 
     def test_what_lies_at_the_tolerance_seldom_goes(self, flown, monkeypatch):
         """2.5 % at each look, and it is looked at three times at most."""
-        known, random = advice.campaign, np.random.default_rng(7)
+        known, random = cases.campaign, np.random.default_rng(7)
 
         def noisy(scenes, *given, **more):
             found = known(scenes, *given, **more)
-            errors = 0.03 / np.sqrt(found["jumps"] / advice.PILOT)
+            errors = 0.03 / np.sqrt(found["jumps"] / cases.PILOT)
             means = found["height"] + errors * random.standard_normal(len(found))
-            return found.assign(**dict.fromkeys(advice.VARIABLES, means), **{f"{name}_se": errors for name in advice.VARIABLES})
+            return found.assign(**dict.fromkeys(cases.VARIABLES, means), **{f"{name}_se": errors for name in cases.VARIABLES})
 
-        monkeypatch.setattr(advice, "campaign", noisy)
+        monkeypatch.setattr(cases, "campaign", noisy)
         for name in self.DOES:
             monkeypatch.setitem(self.DOES, name, 0.2 if name == "lift" else 0.6)
         scene = saltation.load("sand")
@@ -201,8 +205,8 @@ class TestChoose:
         assert made.chosen.jumps == 9 * 420  # all, seven with one left out, one with two
 
     def test_a_scene_that_does_not_finish_keeps_its_effects(self, flown, monkeypatch):
-        without = advice.campaign
-        monkeypatch.setattr(advice, "campaign", lambda *given, **more: without(*given, **more).assign(status="at rest"))
+        without = cases.campaign
+        monkeypatch.setattr(cases, "campaign", lambda *given, **more: without(*given, **more).assign(status="at rest"))
         made = advice.choose(saltation.load("sand"), 0.05)
         assert made.chosen.status == "at rest" and made.chosen.left_out == [] and len(made.names) == 7
 
@@ -220,12 +224,12 @@ class TestChoose:
         assert "weight" in advice.choose(saltation.load("sand"), 0.5).names
 
     def test_jumps_are_enough_for_the_error(self, monkeypatch, flown):
-        monkeypatch.setattr(advice, "PILOT", 400)
+        monkeypatch.setattr(cases, "PILOT", 400)
         seen = []
-        monkeypatch.setattr(advice, "long", lambda scene, jumps: seen.append(jumps) or scene)
-        advice.enough({"full": saltation.load("sand")}, 0.5e-5, None, None)  # a standard error of 1e-4 after 400 jumps
-        assert seen == [400, advice.MOST]
-        advice.enough({"full": saltation.load("sand")}, 5e-5, None, None)
+        monkeypatch.setattr(cases, "long", lambda scene, jumps: seen.append(jumps) or scene)
+        cases.enough({"full": saltation.load("sand")}, 0.5e-5, None, None)  # a standard error of 1e-4 after 400 jumps
+        assert seen == [400, cases.MOST]
+        cases.enough({"full": saltation.load("sand")}, 5e-5, None, None)
         assert seen[2:] == [400, 1600]
 
 
@@ -240,14 +244,14 @@ class TestAuto:
 
     @pytest.fixture(autouse=True)
     def quick(self, monkeypatch):
-        monkeypatch.setattr(advice, "PILOT", 8)
-        monkeypatch.setattr(advice, "MOST", 8)
+        monkeypatch.setattr(cases, "PILOT", 8)
+        monkeypatch.setattr(cases, "MOST", 8)
         yield
 
     @pytest.fixture
     def three(self, monkeypatch):
         """All effects there are: three."""
-        from saltation import scene as module
+        from saltation.scene import model as module
 
         monkeypatch.setattr(module, "ALL", ("weight", "drag", "lift"))
         return plain(effects="auto", tolerance=0.5)
@@ -262,54 +266,54 @@ class TestAuto:
         assert saltation.open(tmp_path / "auto.nc").scene.chosen == result.scene.chosen
 
     def test_an_explicit_tolerance_is_no_hindrance(self, three):
-        made = advice.choose(three, executor=Here())
+        made = advice.choose(three, executor=SerialExecutor())
         assert set(made.chosen.bounds) == {"weight", "drag", "lift"}
         assert made.chosen.left_out == ["lift"]
 
     def test_a_campaign_chooses_once_and_goes_on_with_it(self, three, tmp_path, monkeypatch):
         chosen = []
-        monkeypatch.setattr(advice, "resolved", lambda scene, executor: chosen.append(scene) or advice.choose(scene, None, executor))
+        monkeypatch.setattr(front, "choose", lambda scene, *rest: chosen.append(scene) or advice.choose(scene, *rest))
         scenes = [({"name": name}, three) for name in "ab"]
-        first = saltation.campaign(scenes, Here(), store=tmp_path)
-        again = saltation.campaign(scenes, Here(), store=tmp_path)
+        first = saltation.campaign(scenes, SerialExecutor(), store=tmp_path)
+        again = saltation.campaign(scenes, SerialExecutor(), store=tmp_path)
         assert len(chosen) == 1
         pd.testing.assert_frame_equal(first, again, check_exact=True)
 
     def test_a_run_in_a_folder_goes_on_with_its_choice(self, tmp_path, monkeypatch):
         auto = scene_of(merged(saltation.load("sand_cloud").model_dump(exclude_none=True), {"effects": "auto"}))
-        assert simulation.begun(auto, tmp_path) is None
-        made = advice.changed(auto, effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
+        assert begun(auto, tmp_path) is None
+        made = auto.changed(effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
         (tmp_path / "run.json").write_text(words_of(dict.fromkeys(WORDS) | {"scene": json.loads(text_of(made))}))
-        assert simulation.begun(auto, tmp_path) == made
-        assert simulation.begun(advice.changed(auto, run={"seed": 2}), tmp_path) is None
+        assert begun(auto, tmp_path) == made
+        assert begun(auto.changed(run={"seed": 2}), tmp_path) is None
 
     def test_evidence_belongs_to_its_effects(self):
         scene = saltation.load("sand")
-        made = advice.changed(scene, chosen=EVIDENCE | {"kept": list(scene.names)})
-        assert advice.without(made, ["lift"]).chosen is None
+        made = scene.changed(chosen=EVIDENCE | {"kept": list(scene.names)})
+        assert cases.without(made, ["lift"]).chosen is None
         with pytest.raises(SceneError, match="chosen is written with the effects"):
-            advice.changed(scene, chosen=EVIDENCE)
+            scene.changed(chosen=EVIDENCE)
 
     def test_arguments_are_looked_at_first(self, three, monkeypatch):
-        monkeypatch.setattr(advice, "choose", lambda *_, **__: pytest.fail("chosen before"))
-        with pytest.raises(ValueError, match="executor is for scenes with a"):
-            saltation.run(three, executor=Here())
+        monkeypatch.setattr(front, "choose", lambda *_, **__: pytest.fail("chosen before"))
+        with pytest.raises(ValueError, match="executor needs a multi-grain scene"):
+            saltation.run(three, executor=SerialExecutor())
         with pytest.raises(ValueError, match="results need a label 'name'"):
-            saltation.campaign([three], Here(), results="nowhere")
+            saltation.campaign([three], SerialExecutor(), results="nowhere")
 
     def test_the_same_choice_and_row_on_any_workers(self, three):
-        here = saltation.campaign([({"name": "auto"}, three)], Here())
+        here = saltation.campaign([({"name": "auto"}, three)], SerialExecutor())
         assert saltation.run(three).summary().loc["height", "mean"] == here["height"].iloc[0]
         with ThreadPoolExecutor(2) as executor:
             evidence = advice.choose(plain(), 0.5, executor).chosen
-        assert evidence == advice.choose(plain(), 0.5, Here()).chosen
+        assert evidence == advice.choose(plain(), 0.5, SerialExecutor()).chosen
 
     def test_a_tolerance_needs_auto_and_auto_a_bed(self):
         with pytest.raises(SceneError, match="tolerance belongs to effects = 'auto'"):
             scene_of(saltation.load("sand").model_dump(exclude_none=True) | {"tolerance": 0.1})
         with pytest.raises(SceneError, match=r"effects = 'auto' needs a \[bed\]"):
             scene_of(saltation.load("settling").model_dump(exclude_none=True) | {"effects": "auto"})
-        for function in (advice.ablate, advice.choose, advice.uncertainty, advice.combinations):
+        for function in (advice.ablate, advice.choose, choices.uncertainty, choices.combinations):
             with pytest.raises(SceneError, match="bed is missing"):
                 function(saltation.load("settling"))
 
@@ -318,14 +322,14 @@ class TestOtherChoices:
     """What measurement has not settled."""
 
     def test_a_preset_is_written_out(self):
-        made = advice.listed(scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"effects": "nino_garcia_1994", "rotation": None})))
+        made = cases.listed(scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"effects": "nino_garcia_1994", "rotation": None})))
         assert made.in_plane and made.options("rotation").law == "prescribed"
         assert list(made.names) == made.effects
         assert all(case.in_plane and case.options("rotation").law == "prescribed" for case in advice.reduced(made).values())
 
     def test_a_longer_run_has_a_memory_as_long(self):
-        made = advice.changed(saltation.load("sand"), history={"horizon": 500.0})
-        assert advice.long(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
+        made = saltation.load("sand").changed(history={"horizon": 500.0})
+        assert cases.long(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
 
     def test_a_grain_as_heavy_as_its_fluid_has_no_typical_jump(self):
         made = plain(grain={"density": 1000.0}, channel={"transport_stage": None, "shear_velocity": 0.03})
@@ -334,20 +338,20 @@ class TestOtherChoices:
 
     def test_each_variant_differs_in_one_choice_and_holds_the_scene_s_own(self):
         scene = saltation.load("sand")
-        found = advice.variants(scene)
+        found = choices.variants(scene)
         assert list(found) == ["profile", "reading", "restitution", "kernel", "rebound memory"]
         for values in found.values():
             assert sum(made == scene for made in values.values()) == 1
         assert "reichardt" not in found["profile"]  # k_s+ = 18: not smooth
-        assert "reichardt" in advice.variants(scene_of(merged(scene.model_dump(exclude_none=True), {"fluid": {"viscosity": 1e-5}})))["profile"]
+        assert "reichardt" in choices.variants(scene_of(merged(scene.model_dump(exclude_none=True), {"fluid": {"viscosity": 1e-5}})))["profile"]
 
     def test_without_history_there_is_no_memory_to_choose(self):
-        assert list(advice.variants(plain())) == ["profile", "reading", "restitution"]
+        assert list(choices.variants(plain())) == ["profile", "reading", "restitution"]
 
     def test_spreads_are_over_what_finishes(self):
         table = table_of(a=("finished", 2.0, 10.0, 5.0), b=("finished", 1.0, 10.0, 5.0), c=("finished", 3.0, 10.0, 6.0), d=("at rest", 0.1, 0.1, 0.1))
         table.insert(0, "choice", ["scene", "reading", "reading", "reading"])
-        (row,) = advice.spreads(table).to_dict("records")
+        (row,) = choices.spreads(table).to_dict("records")
         assert (row["height_low"], row["height_high"], row["velocity_high"]) == (0.5, 1.5, 1.2)
 
     def test_shares_of_a_product_add_up_to_one(self):
@@ -357,7 +361,7 @@ class TestOtherChoices:
             for p, a in (("x", 1.0), ("y", 2.0), ("z", 5.0))
             for r, b in (("k", 1.0), ("l", 3.0))
         ]
-        found = advice.shares(pd.DataFrame(rows))
+        found = choices.shares(pd.DataFrame(rows))
         assert np.allclose(found["height"].sum(), 1.0, rtol=1e-12)
         assert found.loc["profile", "length"] == pytest.approx(1.0) and found.loc["reading", "length"] == pytest.approx(0.0, abs=1e-15)
         a, b = np.log([1.0, 2.0, 5.0]).var(), np.log([1.0, 3.0]).var()
@@ -368,12 +372,12 @@ class TestOtherChoices:
 
         def campaign(scenes, executor=None, *, progress=None):
             seen.extend(scenes)
-            return pd.DataFrame([{**labels, "status": "finished"} | dict.fromkeys(advice.VARIABLES, 1.0) for labels, _ in scenes])
+            return pd.DataFrame([{**labels, "status": "finished"} | dict.fromkeys(cases.VARIABLES, 1.0) for labels, _ in scenes])
 
-        monkeypatch.setattr(advice, "campaign", campaign)
-        table = advice.combinations(saltation.load("sand"))
-        choices = advice.variants(saltation.load("sand"))
-        assert len(table) == math.prod(map(len, choices.values())) == len({scene.model_dump_json() for _, scene in seen})
+        monkeypatch.setattr(choices, "campaign", campaign)
+        table = choices.combinations(saltation.load("sand"))
+        found = choices.variants(saltation.load("sand"))
+        assert len(table) == math.prod(map(len, found.values())) == len({scene.model_dump_json() for _, scene in seen})
         labels, made = seen[-1]
         assert (made.channel.profile, made.bed.reading) == (labels["profile"], labels["reading"])
         assert (made.options("history").kernel, made.options("history").rebound) == (labels["kernel"], labels["rebound memory"])
@@ -408,9 +412,9 @@ def test_mistakes_are_one_sentence(case):
 
 
 def test_ablate_prints_draws_and_writes(tmp_path, monkeypatch):
-    for name in ("PILOT", "MOST", "TIMED"):
-        monkeypatch.setattr(advice, name, 5)
-    monkeypatch.setattr(advice, "campaign", lambda scenes, executor, progress=None: saltation.campaign(scenes, Here(), progress=progress))
+    for module, name in ((cases, "PILOT"), (cases, "MOST"), (advice, "TIMED")):
+        monkeypatch.setattr(module, name, 5)
+    monkeypatch.setattr(cases, "campaign", lambda scenes, executor, progress=None: saltation.campaign(scenes, SerialExecutor(), progress=progress))
     file, arguments = tmp_path / "table.csv", []
     for name, value in (
         ("effects", "['weight', 'drag', 'lift']"),
@@ -437,7 +441,7 @@ def test_force_takes_nothing_away_before_the_choice_is_made(tmp_path, monkeypatc
         raise KeyboardInterrupt
 
     (tmp_path / "run.json").write_text("{}")
-    monkeypatch.setattr(advice, "resolved", interrupted)
+    monkeypatch.setattr(front, "resolved", interrupted)
     out = CliRunner().invoke(cli.main, ["run", "sand_cloud", "--set", "effects=auto", "--output", str(tmp_path), "--force"])
     assert out.exit_code == 130 and "stopped" in out.stderr
     assert (tmp_path / "run.json").exists()
@@ -448,6 +452,6 @@ def test_an_interrupt_is_one_sentence(command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(advice, command, interrupted)
+    monkeypatch.setattr(choices if command == "uncertainty" else advice, command, interrupted)
     out = CliRunner().invoke(cli.main, [command, "sand"])
     assert out.exit_code == 130 and out.stderr.strip() == "stopped: nothing is kept"

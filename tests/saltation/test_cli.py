@@ -436,7 +436,7 @@ def test_a_scheduler_that_does_not_answer(tmp_path):
 
 
 def test_plot_draws_what_is_asked_for(saved, tmp_path):
-    from saltation.plots import PLOTS
+    from saltation.plots.run import PLOTS
 
     name = next(iter(PLOTS))
     target = tmp_path / "picture.png"
@@ -450,7 +450,7 @@ def test_plot_leaves_out_what_a_run_cannot_show(saved, tmp_path, monkeypatch):
     """Asked for by name it is a mistake, otherwise it is left out."""
     from matplotlib.figure import Figure
 
-    from saltation import plots
+    from saltation.plots import run as plots
 
     def refused(result):
         raise ValueError("there is nothing to show")

@@ -17,12 +17,13 @@ from scene_cases import cloud_scene, sand_cloud
 import saltation
 from basset.solvers import stepper
 from basset.solvers._tables import tables_of
-from saltation import cloud, flight
-from saltation.cloud import Folder, starts
-from saltation.engine import Engine, Grain, Start, tables_for
+from saltation import simulation
+from saltation.flight import crowd, layout
+from saltation.flight.crowd import starts
+from saltation.flight.setup import Engine, Grain, Start, empty_record, tables_for
 from saltation.flow import both
-from saltation.result import table_of
-from saltation.simulation import empty_record
+from saltation.results.folder import Folder
+from saltation.results.tables import table_of
 
 LENGTH = 40.0  # d/u*
 PIECE = 45 * 25  # kept positions in a part: 16 parts of 2.5 d/u*
@@ -54,13 +55,13 @@ def alone(engine, grain, start, jumps):
     """(jumps, steps) of a grain that flies so many jumps on its own."""
     engine.limits = engine.limits._replace(seal=float(jumps))
     one = Grain(engine, grain, start)
-    record, rows = empty_record(20000, engine.tables.count, engine.states), np.zeros((jumps, len(flight.COLUMNS)))
+    record, rows = empty_record(20000, engine.tables.count, engine.states), np.zeros((jumps, len(layout.COLUMNS)))
     code, done = one.fly(record, True, rows)
     while code == stepper.FULL:  # a table was missing: the rest goes behind
         rest = stepper.Record(*(array[done:] for array in record))
         code, more = one.fly(rest, True, rows)
         done += more
-    assert code == flight.JUMPS
+    assert code == layout.JUMPS
     return rows, stepper.Record(*(array[:done] for array in record))
 
 
@@ -77,9 +78,9 @@ def test_without_encounters_each_flies_as_if_alone():
     kept = np.stack([path[name].to_numpy() for name in "xyzuvw"], axis=-1)
     compared = 0
     for i, (position, velocity, spin) in enumerate(zip(*starts(engine), strict=True)):
-        expected = result.all_jumps[result.all_jumps["grain"] == i].drop(columns="grain").reset_index(drop=True)
+        expected = result.all_jumps[result.all_jumps["grain"] == i].reset_index(drop=True)
         rows, steps = alone(engine, i, Start(tuple(position), tuple(velocity), tuple(spin)), len(expected))
-        assert table_of(rows, made.numbers.stokes(1.0)).equals(expected)
+        assert table_of(rows, made.numbers.stokes(1.0), i).equals(expected)
         end = float(expected["start"].iloc[-1] + expected["duration"].iloc[-1])
         for k, when in enumerate(times[times < end]):
             step = max(0, int(np.searchsorted(steps.start, when)) - 1)
@@ -95,15 +96,24 @@ def test_without_encounters_each_flies_as_if_alone():
 # However it is cut
 
 
-@pytest.mark.parametrize(("name", "size"), [("SLICE", 45), ("SLICE", 10**9), ("PART", 45), ("PART", PIECE), ("BUFFER", 7)])
-def test_a_run_in_pieces_is_the_same(name, size, whole, monkeypatch):
+@pytest.mark.parametrize(
+    ("module", "name", "size"),
+    [
+        (simulation, "SLICE", 45),
+        (simulation, "SLICE", 10**9),
+        (simulation, "PART", 45),
+        (simulation, "PART", PIECE),
+        (crowd, "BUFFER", 7),
+    ],
+)
+def test_a_run_in_pieces_is_the_same(module, name, size, whole, monkeypatch):
     """Between two looks at the clock, two parts, two visits for a full log; tables are there already, which must not matter either."""
-    monkeypatch.setattr(cloud, name, size)
+    monkeypatch.setattr(module, name, size)
     same(saltation.run(whole.scene), whole)
 
 
 def test_a_folder_holds_the_same_as_memory(whole, monkeypatch, tmp_path):
-    monkeypatch.setattr(cloud, "PART", PIECE)
+    monkeypatch.setattr(simulation, "PART", PIECE)
     seen = []
     result = saltation.run(whole.scene, seen.append, tmp_path / "run")
     same(result, whole)
@@ -126,7 +136,7 @@ def test_the_last_position_is_there(steps):
 
 # However it is stopped
 
-COMMAND = "import sys, saltation.cloud as c; c.PART = int(sys.argv.pop(1)); from saltation.cli import main; main()"
+COMMAND = "import sys, saltation.simulation as c; c.PART = int(sys.argv.pop(1)); from saltation.cli import main; main()"
 
 
 def start(folder, made):
@@ -145,7 +155,7 @@ def wait_for(folder, parts, process):
 
 def test_killed_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
     """SIGKILL while parts and checkpoints are being written, twice: the same bits in the end."""
-    monkeypatch.setattr(cloud, "PART", PIECE)
+    monkeypatch.setattr(simulation, "PART", PIECE)
     folder, rng, killed = tmp_path / "run", random.Random(61), 0
     for parts in (1, 9):
         process = start(folder, whole.scene)
@@ -165,7 +175,7 @@ def test_killed_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
 
 def test_stopped_by_the_system_it_says_so(whole, monkeypatch, tmp_path):
     """SIGTERM: exit status 130 and one sentence; the same command goes on."""
-    monkeypatch.setattr(cloud, "PART", PIECE)
+    monkeypatch.setattr(simulation, "PART", PIECE)
     folder = tmp_path / "run"
     process = start(folder, whole.scene)
     wait_for(folder, 1, process)
@@ -180,15 +190,15 @@ def test_stopped_by_the_system_it_says_so(whole, monkeypatch, tmp_path):
     same(saltation.open(folder), whole)
 
 
-@pytest.mark.parametrize("word", ["keep", "tell"])
+@pytest.mark.parametrize("word", ["save_checkpoint", "write_status"])
 def test_stopped_between_two_files(word, whole, monkeypatch, tmp_path):
     """Before a checkpoint, and before the very last words of a run that has come to its end."""
-    monkeypatch.setattr(cloud, "PART", PIECE)
+    monkeypatch.setattr(simulation, "PART", PIECE)
     plain, written = getattr(Folder, word), []
 
     def stop(self, *arguments):
         written.append(1)
-        if len(written) == (9 if word == "keep" else 17):
+        if len(written) == (9 if word == "save_checkpoint" else 17):
             raise KeyboardInterrupt
         plain(self, *arguments)
 
@@ -206,7 +216,7 @@ def test_a_folder_is_of_one_scene(whole, monkeypatch, tmp_path):
     made = cloud_scene(2, 1.0, cloud={"boundary": "open"})
     first = saltation.run(made, output=tmp_path / "run")
     before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
-    monkeypatch.setattr(cloud, "fly_part", None)
+    monkeypatch.setattr(simulation, "fly_part", None)
     same(saltation.run(made, output=tmp_path / "run"), first)
     with pytest.raises(saltation.SceneError, match=r"another scene or version: give a new folder$"):
         saltation.run(cloud_scene(2, 2.0, cloud={"boundary": "open"}), output=tmp_path / "run")

@@ -10,12 +10,16 @@ from matplotlib.collections import EllipseCollection
 from PIL import Image
 
 from basset._look import RED
-from saltation import animation, cli, cloud_plots, encounters, highlights, statistics
-from saltation.cloud_plots import CLOUD_PLOTS
-from saltation.cloud_result import CloudResult, path_dataset, tables_to_dataset
-from saltation.result import UNITS
+from saltation import cli, statistics
+from saltation.flight import layout
+from saltation.plots import cloud as cloud_plots
+from saltation.plots import film as animation
+from saltation.plots import highlights
+from saltation.plots.cloud import CLOUD_PLOTS
+from saltation.plots.tracks import BED, MET, image, meeting_places, track
+from saltation.results.result import Result
+from saltation.results.tables import UNITS, path_dataset, tables_to_dataset
 from saltation.scene import read, scene_of
-from saltation.tracks import BED, MET, image, meeting_places, track
 
 END, STEP, PERIOD, RISE, LOW, SPEED = 20.0, 0.1, 2.0, 1.2, 0.6, 6.0
 MOMENTS = (5.33, 11.13)  # of the encounters of grains 0 and 1, 2 and 3
@@ -58,7 +62,7 @@ def cloud(met=True, kept=True, made=None):
             row |= {"length": there[0] - here[0], "drift": there[1] - here[1], "stokes": 20.0, "velocity": SPEED}
             row |= {f"takeoff_{c}": out[k] for k, c in enumerate("xyz")} | {f"impact_{c}": into[k] for k, c in enumerate("xyz")}
             rows.append(row)
-    table = np.zeros((2 if met else 0, len(encounters.COLUMNS)))
+    table = np.zeros((2 if met else 0, len(layout.ENCOUNTER_COLUMNS)))
     for k, row in enumerate(table):
         found = {"time": MOMENTS[k], "first": 2 * k, "second": 2 * k + 1, "distance": 1.0, "restitution": 0.65}
         found |= dict(zip(("x", "y", "z"), state(2 * k, MOMENTS[k], made.box)[0], strict=True))
@@ -67,11 +71,11 @@ def cloud(met=True, kept=True, made=None):
             for end in ("", "_after"):
                 found |= {f"{who}_{c}{end}": v for c, v in zip("uvw", state(grain, MOMENTS[k], made.box, after=bool(end))[1], strict=True)}
             found[f"{who}_spin_y_after"] = 0.25
-        row[:] = [found.get(name, 0.0) for name in encounters.COLUMNS]
-    met_table = pd.DataFrame(dict(zip(encounters.COLUMNS, table.T, strict=True))).astype({"first": np.int32, "second": np.int32})
+        row[:] = [found.get(name, 0.0) for name in layout.ENCOUNTER_COLUMNS]
+    met_table = pd.DataFrame(dict(zip(layout.ENCOUNTER_COLUMNS, table.T, strict=True))).astype({"first": np.int32, "second": np.int32})
     path = path_dataset(made, times, values) if kept else None
     fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
-    return CloudResult(made, pd.DataFrame(rows), met_table, fates, "finished", "the time is over", {"seed": 1}, END, path)
+    return Result(made, pd.DataFrame(rows), "finished", "the time is over", {"seed": 1}, END, met_table, fates, path)
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +219,7 @@ def test_changes_per_encounter(result):
 
 def test_a_turn_is_the_shorter_way_round():
     """From 170° to −170° is 20°."""
-    values = dict.fromkeys(encounters.COLUMNS, 0.0)
+    values = dict.fromkeys(layout.ENCOUNTER_COLUMNS, 0.0)
     angle = np.radians(10.0)
     values |= {"first_u": -np.cos(angle), "first_v": np.sin(angle), "first_u_after": -np.cos(angle), "first_v_after": -np.sin(angle)}
     assert cloud_plots.changes(pd.DataFrame([values]))["angle_x–y"].iloc[0] == pytest.approx(20.0)

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 import saltation
-from saltation import campaigns
-from saltation.campaigns import campaign
 from saltation.scene import read, scene_of
+from saltation.study import campaigns
+from saltation.study.campaigns import campaign
 
 distributed = pytest.importorskip("distributed")
 

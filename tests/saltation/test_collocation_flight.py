@@ -12,8 +12,8 @@ import basset
 import saltation
 from basset import reference
 from basset.solvers import stepper
-from saltation import flight
-from saltation.engine import Engine, Grain
+from saltation.flight import loop
+from saltation.flight.setup import Engine, Grain
 from saltation.flow import tabulated
 
 MEMORIES = ("impulse", "restart", "reset", "none")
@@ -133,7 +133,7 @@ class TestAgainstTheSolverOfBasset:
 
         def rates(t, y):
             out = np.zeros(len(y))
-            flight.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, flight.layer_of(engine.model, y[1], y[3])]))
+            loop.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, loop.layer_of(engine.model, y[1], y[3])]))
             return out
 
         return rates
@@ -295,7 +295,7 @@ class TestImpacts:
         """Another first step, another cut: the same jumps within the tolerance."""
         made = scene("bouncing", run={"jumps": 5})
         usual = flown(made).jumps["duration"]
-        monkeypatch.setattr("saltation.engine.DEFAULT_FIRST", first)
+        monkeypatch.setattr("saltation.flight.setup.DEFAULT_FIRST", first)
         other = flown(made).jumps["duration"]
         assert not other.equals(usual)
         assert np.abs(other - usual).max() < 1e-8

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from scene_cases import cloud_scene, flown, merged, scene
 
 import saltation
-from saltation import advice, campaigns, cli, simulation
-from saltation.plots import PLOTS
+from saltation import cli, front, simulation
+from saltation.plots.run import PLOTS
 from saltation.scene import shipped
+from saltation.study import campaigns, choices
+from saltation.study import effects as advice
 
 SHORT = ["run", "bouncing", "--set", "run.jumps=2"]
 
@@ -70,8 +72,8 @@ def test_tables_are_written_before_they_are_printed(tmp_path, monkeypatch, name)
 
     index = pd.Index(["full"], name="left out")
     table = pd.DataFrame({"choice": ["as given"], "value": ["-"], "status": ["finished"]}, index=index)
-    monkeypatch.setattr(advice, name, lambda *_, **__: table)
-    monkeypatch.setattr(advice, "combinations", refuse)
+    monkeypatch.setattr(choices if name == "uncertainty" else advice, name, lambda *_, **__: table)
+    monkeypatch.setattr(choices, "combinations", refuse)
     monkeypatch.setattr(cli, "print_changes", refuse)
     invoke(name, "sand", "--output", tmp_path / "out.csv")
     assert (tmp_path / "out.csv").read_text() == table.to_csv()
@@ -82,7 +84,7 @@ def test_a_campaign_is_written_before_it_is_printed(tmp_path, monkeypatch):
         raise RuntimeError("no")
 
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 200}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     for name in ("print_means", "print_ranking"):
         monkeypatch.setattr(cli, name, refuse)
     (tmp_path / "own").mkdir()
@@ -93,7 +95,7 @@ def test_a_campaign_is_written_before_it_is_printed(tmp_path, monkeypatch):
 def test_own_scenes_at_several_stages_need_no_ranking(tmp_path, monkeypatch):
     """Scenes of one name at one stage, and still water: tables, not refusals; asked for by name, one sentence."""
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 200}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     (tmp_path / "sand.toml").write_bytes(shipped()["sand"].read_bytes())
     own = ["campaign", str(tmp_path / "sand.toml"), "--output", str(tmp_path / "c")]
     (tmp_path / "c").mkdir()
@@ -170,7 +172,7 @@ def test_no_step_flown_leaves_the_start(velocity, tmp_path):
 
 def test_a_failed_first_step_kept_its_path(monkeypatch, tmp_path):
     """It does not say to keep what was kept; what was not kept it does."""
-    from saltation.engine import Grain
+    from saltation.flight.setup import Grain
 
     monkeypatch.setattr(Grain, "fly", lambda *_: (simulation.stepper.TOO_SMALL, 0))
     for kept in (True, False):
@@ -251,7 +253,7 @@ def test_names_that_are_no_utf_8(tmp_path, monkeypatch):
     out = invoke("plot", tmp_path / f"{name}.nc", "--figure", "jumps")
     assert out.exit_code == 0 and (tmp_path / f"{name}.png").exists()
     row = dict.fromkeys(campaigns.COLUMNS, 1.0) | {"status": "finished", "jumps": 5}
-    monkeypatch.setattr(campaigns, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
+    monkeypatch.setattr(front, "campaign", lambda runs, *_, **__: pd.DataFrame([{**labels, **row} for labels, _ in runs]))
     (tmp_path / f"{name}.folder").mkdir()
     out = invoke("campaign", tmp_path / f"{name}.toml", "--output", tmp_path / f"{name}.folder")
     assert out.exit_code == 0, (out.output, out.exception)
@@ -282,7 +284,7 @@ def test_no_command_line_ends_in_a_traceback(changes, vary):
         ["campaign", "bouncing", *options, *(part for value in vary for part in ("--vary", f"run.seed={value}"))],
     ):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(campaigns, "campaign", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
+            patch.setattr(front, "campaign", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
             patch.setattr(advice, "advise", lambda made: [])
             out = CliRunner().invoke(cli.main, command)
         assert out.exit_code in (0, 2), (out.output, out.exception)
@@ -299,9 +301,9 @@ def test_no_command_line_ends_in_a_traceback(changes, vary):
 def test_no_list_of_words_ends_in_a_traceback(words):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saltation, "run", lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
-        patch.setattr(advice, "resolved", lambda made, *_, **__: made)
-        for name in ("ablate", "uncertainty"):
-            patch.setattr(advice, name, lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
+        patch.setattr(front, "resolved", lambda made, *_, **__: made)
+        for module, name in ((advice, "ablate"), (choices, "uncertainty")):
+            patch.setattr(module, name, lambda *_, **__: (_ for _ in ()).throw(saltation.SceneError("far enough")))
         out = CliRunner().invoke(cli.main, words)
     assert out.exit_code in (0, 2), (words, out.output, out.exception)
     assert out.exception is None or isinstance(out.exception, SystemExit)

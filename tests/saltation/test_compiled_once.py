@@ -6,8 +6,8 @@ from compilations import Compilations
 from scene_cases import scene
 
 import saltation
-from saltation.engine import Engine
-from saltation.simulation import warm
+from saltation.flight.setup import Engine
+from saltation.front import warm
 
 SETS = (
     {"effects": ["weight", "drag"], "history": None, "dimensions": 2},

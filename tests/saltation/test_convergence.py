@@ -10,9 +10,8 @@ from scene_cases import flown, scene
 
 import saltation
 from basset.solvers import stepper
-from saltation import flight
-from saltation.engine import Engine, Grain
-from saltation.simulation import empty_record
+from saltation.flight import layout
+from saltation.flight.setup import Engine, Grain, empty_record
 
 SCENES = ("sand", "sand_coarse", "gravel")
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -51,8 +50,8 @@ def steps_of(name, rtol, history=True):
     """(steps, evaluations of the forces) per jump."""
     engine = Engine(made(name, rtol, history))
     grain = Grain(engine)
-    code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, np.zeros((JUMPS, len(flight.COLUMNS))))
-    assert code == flight.JUMPS
+    code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, np.zeros((JUMPS, len(layout.COLUMNS))))
+    assert code == layout.JUMPS
     return grain.state.numbers[[stepper.STEPS, stepper.CALLS]] / JUMPS
 
 
@@ -147,10 +146,10 @@ def test_of_short_jumps(name, seed):
         for problem in (loose._replace(rtol=0.01 * loose.rtol, atol=0.01 * loose.atol), loose):
             for array, kept in zip(arrays, before, strict=True):
                 array[...] = kept
-            grain.flight[flight.DONE], engine.problem, table = 0.0, problem, np.zeros((1, len(flight.COLUMNS)))
+            grain.flight[layout.DONE], engine.problem, table = 0.0, problem, np.zeros((1, len(layout.COLUMNS)))
             code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
-            assert code == flight.JUMPS or problem is not loose
-            pair.append(table[0, [flight.COLUMNS.index(column) for column in ("rise", "length", "duration")]] if code == flight.JUMPS else np.full(3, np.nan))
+            assert code == layout.JUMPS or problem is not loose
+            pair.append(table[0, [layout.COLUMNS.index(column) for column in ("rise", "length", "duration")]] if code == layout.JUMPS else np.full(3, np.nan))
         rows.append(pair)
     exact, found = np.moveaxis(np.array(rows), 1, 0)
     errors = np.abs(found - exact) / np.maximum(np.abs(found), np.abs(found).mean(axis=0))

@@ -14,9 +14,11 @@ from scipy.spatial import cKDTree
 
 import saltation
 from basset._compile import compiled
-from saltation import cloud, encounters, flight
 from saltation.bed.contact import strike_pair
-from saltation.encounters import BEND, PACE, ROOT, SPREAD, UNSEEN, U, W
+from saltation.flight import collisions as encounters
+from saltation.flight import crowd as cloud
+from saltation.flight import loop
+from saltation.flight.collisions import BEND, PACE, ROOT, SPREAD, UNSEEN, U, W
 
 TOUCH = 1e-12  # d: surfaces nearer than this (and rounding of the time, 1e-14 of it) touch; the rest is rounding
 ELASTIC = {"restitution": 1.0, "friction": 0.0, "slowest": 0.0}
@@ -318,7 +320,7 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
         half = describe(model, singular, h, share, y, course, path)
         flown = lambda s: [np.array(value) for value in encounters.flown(model, course, s)]  # noqa: E731
         kinds.append(singular)
-        stream = flight.both(model.profile, y[2])[0]
+        stream = loop.both(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
         assert np.abs(flown(0.0)[0]).max() < 1e-14
         chord = path[U : W + 1]

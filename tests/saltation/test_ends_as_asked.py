@@ -10,11 +10,12 @@ import pytest
 from scene_cases import flown, merged, scene
 
 import saltation
-from saltation import advice, checks, engine
-from saltation.advice import changed
 from saltation.cli import value_of
+from saltation.flight import setup as engine
+from saltation.front import warm
 from saltation.scene import SceneError, read, scene_of
-from saltation.simulation import warm
+from saltation.study import cases, checks
+from saltation.study import effects as advice
 
 FALL = ["weight", "drag", "added_mass"]
 
@@ -57,8 +58,8 @@ class TestMemory:
         assert result.status == "finished" and float(result.trajectory["time"][-1]) == pytest.approx(1.01 * duration, rel=1e-9)
 
     def test_a_longer_run_keeps_what_is_given(self):
-        made = changed(saltation.load("sand"), history={"horizon": 1e5})
-        assert advice.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
+        made = saltation.load("sand").changed(history={"horizon": 1e5})
+        assert cases.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
 
 
 class TestWithoutABed:

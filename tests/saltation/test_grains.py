@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 import saltation
-from saltation import grains
-from saltation.cloud_result import CloudResult, encounter_table, fate_table, path_dataset
-from saltation.encounters import COLUMNS
+from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
+from saltation.results.result import Result
+from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import read, scene_of
+from saltation.study import grains
 
 LABELS = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0}
 
@@ -36,7 +37,7 @@ def made(jumps=None, met=None, path=None, meeting=True, discard=0):
         dict.fromkeys(("height", "length", "velocity", "takeoff_angle", "deviation_angle", "stokes", "clipped"), 0.0) | {"duration": 1.0} | dict(jumps)
     )
     met = encounter_table(np.zeros((0, len(COLUMNS)))) if met is None else met
-    return CloudResult(cloud(meeting, run={"discard": discard}), jumps, met, fate_table([]), "finished", "", {}, 100.0, path)
+    return Result(cloud(meeting, run={"discard": discard}), jumps, "finished", "", {}, 100.0, met, path=path)
 
 
 def paths(times, x, y):

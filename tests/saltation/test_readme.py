@@ -17,8 +17,9 @@ from click.testing import CliRunner
 import basset.cli
 import bench.__main__
 import saltation.cli
-from saltation import advice, campaigns
 from saltation.scene import shipped
+from saltation.study import campaigns, cases, thesis
+from saltation.study import effects as advice
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "reports/guide.md"))
@@ -88,11 +89,11 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def short(folder, monkeypatch):
     monkeypatch.chdir(folder)
-    for name in ("PILOT", "MOST", "TIMED"):
-        monkeypatch.setattr(advice, name, 4)
-    thesis = [(labels, advice.changed(scene, run=SHORT)) for labels, scene in campaigns.thesis()[:2]]
-    brief = [(labels, advice.changed(scene, run={"duration": 0.02 * scene.run.duration})) for labels, scene in campaigns.grains()[:2]]
-    monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: thesis, "grains": lambda: brief})
+    for module, name in ((cases, "PILOT"), (cases, "MOST"), (advice, "TIMED")):
+        monkeypatch.setattr(module, name, 4)
+    quick = [(labels, scene.changed(run=SHORT)) for labels, scene in thesis.thesis()[:2]]
+    brief = [(labels, scene.changed(run={"duration": 0.02 * scene.run.duration})) for labels, scene in thesis.grains()[:2]]
+    monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: quick, "grains": lambda: brief})
 
 
 def test_commands_one_after_the_other(short, monkeypatch):

@@ -17,8 +17,7 @@ from scipy.interpolate import CubicSpline
 import basset
 import saltation
 from basset import reference
-from saltation.engine import Engine
-from saltation.result import UNITS
+from saltation.results.tables import UNITS
 
 AXES = "xyz"
 WITHOUT = ["weight", "drag", "added_mass", "lift", "magnus", "rotation"]
@@ -269,9 +268,9 @@ class TestDiffusion:
         """A result with a path of its own: x of time, takeoffs every unit of time."""
         time = np.linspace(0.0, 100.0, 20001)
         starts = np.arange(0.0, 100.0)
-        jumps = pd.DataFrame({"start": starts, "duration": 1.0})
+        jumps = pd.DataFrame({"grain": 0, "start": starts, "duration": 1.0} | dict.fromkeys(("stokes", "clipped", "height"), 0.0))
         path = xr.Dataset({"x": ("time", x(time))}, coords={"time": time})
-        return saltation.Result(scene("settling", run={"duration": 1.0}), jumps, "finished", "", {}, path)
+        return saltation.Result(scene("settling", run={"duration": 1.0}), jumps, "finished", "", {}, 100.0, path=path)
 
     def test_ballistic(self):
         """x = ½at²: a takeoff at s moves on with as, so the second moment is a²·var(s)·τ²."""
@@ -414,10 +413,8 @@ def test_a_flight_of_no_length_is_no_point_of_the_path():
     assert np.isnan(path["history_z"]).sum() == 2 and float(path["w"][0]) == pytest.approx(0.8)
 
 
-def test_the_engine_is_not_needed_afterwards(sand):
-    """The path is computed once and kept."""
+def test_the_path_is_computed_once_and_kept(sand):
     assert sand.trajectory is sand.trajectory
-    assert isinstance(sand._engine, Engine)
 
 
 class TestSpinsWithoutRotation:

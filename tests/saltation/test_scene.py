@@ -5,11 +5,11 @@ import tomllib
 import pytest
 
 import saltation
-from saltation import checks
 from saltation.effects import EFFECTS
 from saltation.grain import GRAVITY
-from saltation.presets import PRESETS
 from saltation.scene import Scene, SceneError, read, scene_of, shipped
+from saltation.scene.presets import PRESETS
+from saltation.study import checks
 
 CONTRACT = """
 effects = ["weight", "drag", "added_mass", "lift", "history", "magnus"]

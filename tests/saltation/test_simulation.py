@@ -8,7 +8,7 @@ from scene_cases import flown, scene
 
 import saltation
 from saltation import simulation
-from saltation.engine import Engine
+from saltation.flight.setup import Engine
 
 HORIZON = {"history": {"horizon": 2000.0}}
 SHARP = {"solver": {"rtol": 1e-9}}
@@ -96,7 +96,7 @@ class TestEndings:
 
     def test_progress(self, monkeypatch):
         """The share that is done, never less than before, up to all: of jumps, or of the time."""
-        monkeypatch.setattr(simulation, "CHUNK", 20)
+        monkeypatch.setattr(simulation, "ROWS", 20)
         for run in ({"jumps": 40}, {"jumps": None, "duration": 1.0}):
             seen = []
             saltation.run(sand(run=run | {"discard": 0}), progress=seen.append)
@@ -128,7 +128,7 @@ class TestNothingElseDecides:
 
     @pytest.mark.parametrize("chunk", [1, 7, 64])
     def test_in_chunks(self, chunk, usual, monkeypatch):
-        monkeypatch.setattr(simulation, "CHUNK", chunk)
+        monkeypatch.setattr(simulation, "ROWS", chunk)
         made = saltation.run(sand(40))
         assert made.all_jumps.equals(usual.all_jumps.iloc[:40])
         assert made.trajectory.identical(usual.trajectory.isel(time=slice(made.trajectory.sizes["time"])))

@@ -11,21 +11,21 @@ import tomllib
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, create_model, model_validator
 
 from basset import _validate
 from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
-from saltation.bed.rebound import REBOUNDS
-from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
-from saltation.flow import PROFILES, REGIMES, VON_KARMAN, profile_of
+from saltation.flow import profile_of
 from saltation.grain import Numbers, numbers_of
-from saltation.presets import ALL, PRESETS, Preset
+from saltation.scene.messages import sentence
+from saltation.scene.presets import ALL, PRESETS, Preset
+from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Run, SceneError, Solver, Start
 
-__all__ = ["Basis", "Bed", "Channel", "Cloud", "Fluid", "Grain", "Run", "Scene", "SceneError", "Solver", "Start", "load", "scene_of", "shipped"]
+__all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
 
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
@@ -38,183 +38,6 @@ FINEST = 1e-13  # relative error of sums of exponentials
 FINEST_STEPS = {"mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # solver.rtol that flights with these kernels keep
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
-
-
-class SceneError(ValueError):
-    """A scene that cannot be simulated; the message is one sentence.
-
-    Examples
-    --------
-    >>> try:
-    ...     load("sandy.toml")
-    ... except SceneError as error:
-    ...     print(str(error).partition(";")[0])
-    scene 'sandy.toml' does not exist
-    """
-
-
-def _one_of(options: Any) -> BeforeValidator:
-    """A string from `options`, with a suggestion."""
-
-    def check(value: Any) -> Any:
-        if value not in options:
-            names = ", ".join(repr(name) for name in options)
-            hint = _validate.suggestion(value, options) if isinstance(value, str) else ""
-            raise ValueError(f"must be one of {names}, got {_validate.shown(value)}{hint}")
-        return value
-
-    return BeforeValidator(check)
-
-
-def _restitution(value: Any) -> Any:
-    if isinstance(value, str):
-        if value not in ("set1", "stokes"):
-            raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {value!r}{_validate.suggestion(value, ('set1', 'stokes'))}")
-    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 1.0:
-        raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {_validate.shown(value)}")
-    return value
-
-
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
-class Fluid(Table):
-    """The fluid."""
-
-    density: float = Field(1000.0, gt=0.0, description="kg/m3")
-    viscosity: float = Field(1.0e-6, gt=0.0, description="kinematic, m2/s")
-
-
-class Grain(Table):
-    """The grain, a sphere."""
-
-    density: float = Field(2650.0, gt=0.0, description="kg/m3")
-    diameter: float = Field(gt=0.0, description="m")
-
-
-class Channel(Table):
-    """The stream; leave the table out for still water."""
-
-    transport_stage: float | None = Field(None, gt=0.0, description="τ*/τ*c, dimensionless; or give shear_velocity")
-    shear_velocity: float | None = Field(None, gt=0.0, description="u*, m/s; or give transport_stage")
-    slope: float = Field(0.0, gt=-1.0, lt=1.0, description="tangent of the bed's angle, dimensionless")
-    profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
-    roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
-    von_karman: float = Field(VON_KARMAN, gt=0.0, lt=1.0, description="κ, dimensionless")
-
-    @model_validator(mode="after")
-    def _one_velocity(self) -> Channel:
-        if (self.transport_stage is None) == (self.shear_velocity is None):
-            raise ValueError("needs either transport_stage or shear_velocity (m/s), and not both")
-        return self
-
-
-class Bed(Table):
-    """The bed; leave the table out where there is none."""
-
-    rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
-    roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
-    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="how contact angles beyond 30° are read: " + ", ".join(READINGS))
-    smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
-    span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
-    restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
-        0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
-    )
-    friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
-    tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
-    contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
-
-    @model_validator(mode="after")
-    def _right_friction(self) -> Bed:
-        if self.rebound == "garcia_nino":
-            if self.tangential_retention is None:
-                raise ValueError("tangential_retention is missing: rebound = 'garcia_nino' keeps a share from 0 to 1 of the tangential velocity")
-            if self.friction is not None:
-                raise ValueError("friction is Coulomb's and has no place in rebound = 'garcia_nino': give tangential_retention alone")
-        else:
-            if self.friction is None:
-                raise ValueError(f"friction is missing: rebound = {self.rebound!r} needs Coulomb's coefficient, 0 or greater")
-            if self.tangential_retention is not None:
-                raise ValueError(f"tangential_retention has no place in rebound = {self.rebound!r}: give friction alone")
-        return self
-
-
-class Start(Table):
-    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
-
-    velocity: Vector | None = Field(None, description="x, y, z in m/s")
-    spin: Vector | None = Field(None, description="x, y, z in rad/s")
-    height: float | None = Field(None, gt=0.0, description="of the grain's centre above the bed level, m")
-
-
-class Solver(Table):
-    """How flights are integrated."""
-
-    method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
-    rtol: float = Field(
-        1.0e-5,
-        ge=1e-10,
-        le=1e-2,
-        description="error that one flight adds to a jump's height, length and duration, over the larger of it and the mean jump, dimensionless (collocation)",
-    )
-    dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
-
-    @model_validator(mode="after")
-    def _step(self) -> Solver:
-        if self.method == "collocation" and self.dt is not None:
-            raise ValueError("dt belongs to method = 'fixed_step' or 'runge_kutta_4': collocation chooses its steps by rtol")
-        if self.method != "collocation" and self.dt is None:
-            raise ValueError(f"dt is missing: method = {self.method!r} needs a step in units of d/u*, such as 1e-3")
-        return self
-
-
-class Cloud(Table):
-    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
-
-    number: int = Field(ge=1, le=10**7, description="number of grains")
-    concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over the volume that their first centres span")
-    layer: float | None = Field(None, gt=0.0, description="height of that volume, m; default two diameters")
-    boundary: Literal["periodic", "open"] = Field("periodic", description="of the area over which they set out, for encounters")
-    spread: float = Field(0.1, ge=0.0, description="standard deviation of the first velocities' components about start.velocity, in units of u*")
-    interval: float = Field(0.1, gt=0.0, description="between two kept positions, in units of d/u*")
-
-
-class Run(Table):
-    """How long, and which random numbers."""
-
-    jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
-    duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
-    discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
-    seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
-    longest_flight: float | None = Field(
-        None, gt=0.0, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
-    )
-    trajectory: bool = Field(True, description="whether the path is kept")
-
-    @model_validator(mode="after")
-    def _length(self) -> Run:
-        if (self.jumps is None) == (self.duration is None):
-            raise ValueError("needs either jumps or duration (s), and not both")
-        if self.jumps is not None and self.discard >= self.jumps:
-            raise ValueError(f"discard must be smaller than jumps = {self.jumps}, got {self.discard}")
-        return self
-
-
-class Chosen(Table):
-    """How effects = "auto" came to the effects."""
-
-    of: str = Field(description="the key of the scene that said 'auto'")
-    tolerance: float = Field(description="relative, of mean H, L and ū (dimensionless)")
-    status: str = Field(description="of the run with all effects: if it did not finish, all are kept")
-    kept: list[str] = Field(description="the effects of the scene")
-    left_out: list[str] = Field(description="those that it can do without")
-    full: dict[str, float] = Field(description="mean height (d), length (d), velocity (u*) with all effects")
-    chosen: dict[str, float] = Field(description="the same with those that are kept (d, d, u*)")
-    bounds: dict[str, float | str] = Field(
-        description="largest relative change of them without each effect that is not ruled out (95 %, dimensionless), or why none"
-    )
-    tried: list[dict[str, Any]] = Field(description="what was left out together, with its bound (dimensionless)")
-    jumps: int = Field(description="jumps flown to find out")
 
 
 def _effects(value: Any) -> Any:
@@ -236,13 +59,13 @@ def _effects(value: Any) -> Any:
     return list(value)
 
 
-class Basis(Table):
+class SceneBase(Table):
     """What every scene has; `Scene` adds one table per effect.
 
     Examples
     --------
     >>> scene = load("sand")
-    >>> isinstance(scene, Basis), scene.in_plane, scene.turns, scene.horizon
+    >>> isinstance(scene, SceneBase), scene.in_plane, scene.turns, scene.horizon
     (True, False, True, 4400.0)
     >>> scene.options("drag").law
     'yen'
@@ -299,6 +122,36 @@ class Basis(Table):
         preset = self.preset.options.get(name, {}) if isinstance(self.effects, str) else {}
         return EFFECTS[name].Options(**preset)
 
+    def changed(self, **tables: Any) -> Scene:
+        """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
+
+        Parameters
+        ----------
+        **tables
+            Field -> value, or for a table a dictionary of its fields, in their units.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        SceneError
+            If there is no such scene.
+
+        Examples
+        --------
+        >>> load("sand").changed(run={"jumps": 40}, bed={"roughness": "R1"}).run.jumps
+        40
+        """
+        content = self.model_dump(exclude_none=True)
+        if "effects" in tables:
+            content.pop("chosen", None)  # it belongs to the effects that were
+        for name, value in tables.items():
+            merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
+            content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
+        return scene_of(content)
+
     @cached_property
     def numbers(self) -> Numbers:
         """The dimensionless numbers."""
@@ -329,7 +182,7 @@ class Basis(Table):
         return "magnus" in self.names or "rotation" in self.names or rebounds
 
     @model_validator(mode="after")
-    def _consistent(self) -> Basis:
+    def _consistent(self) -> SceneBase:
         names = self.names
         if self.tolerance is not None and self.effects != AUTO:
             raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
@@ -382,11 +235,22 @@ class Basis(Table):
             )
 
     @property
+    def grains(self) -> Cloud:
+        """The table [cloud] of a scene that has one."""
+        assert self.cloud is not None
+        return self.cloud
+
+    @property
+    def end(self) -> float:
+        """When the run is over, in units of d/u*; infinite where it is jumps that are counted."""
+        return math.inf if self.run.duration is None else self.run.duration / self.numbers.time
+
+    @property
     def box(self) -> tuple[float, float, float]:
         """Length, width and height in d of the volume from which a cloud sets out; a square in plan, one d wide in two dimensions."""
-        assert self.cloud is not None
-        height = 2.0 if self.cloud.layer is None else self.cloud.layer / self.grain.diameter
-        area = self.cloud.number * math.pi / 6.0 / (self.cloud.concentration * height)
+        cloud = self.grains
+        height = 2.0 if cloud.layer is None else cloud.layer / self.grain.diameter
+        area = cloud.number * math.pi / 6.0 / (cloud.concentration * height)
         return (area, 1.0, height) if self.in_plane else (math.sqrt(area), math.sqrt(area), height)
 
     def _check_numbers(self) -> None:
@@ -600,100 +464,32 @@ class Basis(Table):
 
 
 TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}
-Scene: Any = create_model(
-    "Scene",
-    __base__=Basis,
-    __doc__="""A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.
+if TYPE_CHECKING:
 
-    Examples
-    --------
-    >>> Scene.model_validate({"effects": ["weight"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
-    ('weight',)
-    """,
-    **TABLES,
-)
+    class Scene(SceneBase):
+        """A scene; the tables of effects are found by `options`."""
 
+else:
+    Scene = create_model(
+        "Scene",
+        __base__=SceneBase,
+        __doc__="""A scene; fields as in saltation/scenes/*.toml, units in every field's description. `Scene.model_validate(dict)`.
 
-def sentence(error: ValidationError) -> str:
-    """The first mistake of a scene in one sentence: which field, what came, what would be right."""
-    found = error.errors()[0]
-    place, kind, given, context = [str(part) for part in found["loc"]], found["type"], found["input"], found.get("ctx", {})
-    if kind == "extra_forbidden":
-        return f"{'.'.join(place)} is not a field of a scene{_validate.suggestion(place[-1], _fields(place[:-1]))}"
-    if kind == "value_error":
-        return _own_words(place, str(context["error"]))
-    field, text = _field(place)
-    path = ".".join(field)
-    if kind == "missing":
-        return f"{path} is missing ({text})"
-    right, hint = RIGHT.get(kind, ""), ""
-    if kind == "literal_error":
-        right = f"one of {context['expected']}"
-        options = [word.strip(" '") for word in context["expected"].replace(" or ", ",").split(",")]
-        hint = _validate.suggestion(given, options) if isinstance(given, str) and given not in options else ""
-    right = right.format(**context) or KINDS.get(kind.split("_")[0], found["msg"])
-    note = f" ({text})" if text and not hint and not text.startswith(right) else ""
-    return f"{path} must be {right}, got {_validate.shown(given)}{hint}{note}"
+        Examples
+        --------
+        >>> Scene.model_validate({"effects": ["weight"], "grain": {"diameter": 1e-3}, "run": {"duration": 0.1}}).names
+        ('weight',)
+        """,
+        **TABLES,
+    )
 
 
-RIGHT = {  # what would be right, by pydantic's kind of mistake
-    "greater_than": "greater than {gt:g}",
-    "greater_than_equal": "{ge:g} or greater",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "{le:g} or less",
-    "finite_number": "a finite number",
-    "too_short": "three numbers",
-    "too_long": "three numbers",
-}
-KINDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "string": "a word in quotes",
-    "list": "a list",
-    "model": "a table",
-    "dict": "a table",
-}
-
-
-def _own_words(place: list[str], text: str) -> str:
-    """A validator's message, its field named once."""
-    path = ".".join(_field(place)[0])
-    if not path:
-        return text
-    return f"{path} {text}" if text.startswith(("must", "needs")) else f"{path}.{text}"
-
-
-def _fields(place: list[str]) -> list[str]:
-    """The fields of the table at `place`."""
-    table: Any = Scene
-    for part in place:
-        table = _table(table.model_fields[part].annotation)
-    return list(table.model_fields)
-
-
-def _field(place: list[str]) -> tuple[list[str], str]:
-    """The part of `place` that names a field, without its alternatives and elements, and that field's description."""
-    table, text = Scene, ""
-    for depth, part in enumerate(place):
-        if part not in getattr(table, "model_fields", ()):
-            return place[:depth], text
-        field = table.model_fields[part]
-        table, text = _table(field.annotation), field.description or ""
-    return place, text
-
-
-def _table(annotation: Any) -> Any:
-    """The table behind an annotation such as `Bed | None`."""
-    return next((kind for kind in getattr(annotation, "__args__", ()) if kind is not type(None)), annotation)
-
-
-def scene_of(content: Any) -> Any:
+def scene_of(content: Any) -> Scene:
     """A validated scene from a dictionary with tables and fields as in a TOML file; SceneError, with one sentence, if it is wrong."""
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
-        raise SceneError(sentence(error)) from None
+        raise SceneError(sentence(error, Scene)) from None
     except ValueError as error:
         raise SceneError(str(error)) from None
 
@@ -733,7 +529,7 @@ def read(path: str | Path) -> dict[str, Any]:
         raise SceneError(f"scene {str(path)!r} cannot be read: {error.strerror}") from None
 
 
-def load(path: str | Path) -> Any:
+def load(path: str | Path) -> Scene:
     """A scene from a TOML file, or one of those shipped by name ("sand.toml" or "sand").
 
     Parameters

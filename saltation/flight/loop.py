@@ -36,23 +36,36 @@ from saltation._random import Draws, uniforms
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import facing
 from saltation.effects.base import Situation, force, torque, total_force
+from saltation.flight.layout import (
+    ALOFT,
+    CROWDED,
+    DONE,
+    HORIZON,
+    IMPACTS,
+    JUMPS,
+    NOTHING,
+    RESET,
+    REST,
+    RESTART,
+    SHORT,
+    START,
+    TAKEN,
+    TOP,
+    TURNED,
+    Bed,
+    Limits,
+    Memory,
+    Model,
+    U,
+    V,
+    W,
+    X,
+    Y,
+    Z,
+)
 from saltation.flow import both, continued
 from saltation.grain import Triple
 
-# why `fly` came back, beside the codes of basset's march
-JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
-
-# places in `flight`
-START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
-
-# columns of the table of jumps, as recorded: takeoff, flight, impact
-COLUMNS = (
-    "start", "x", "y", "z", "u", "v", "w", "duration", "length", "drift", "rise", "turned",
-    "u_in", "v_in", "w_in", "normal_speed", "tilt", "clipped", "impulse_x", "impulse_y", "impulse_z", "contacts",
-    "spin_x", "spin_y", "spin_z",
-)  # fmt: skip
-
-IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
 BESIDE = 1e-9  # d: as near to a kink as that is at it
 SHORTEST = 0.01  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
@@ -71,51 +84,6 @@ class Equation(NamedTuple):
     torque: Any
     across: Any
     turning: Any
-
-
-class Model(NamedTuple):
-    """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3).
-
-    `kinks` (d, rising): heights of the centre at which rates have a kink: the stream begins at the lower lift point, the centre, the
-    upper lift point; without lift, three times at the centre.
-    """
-
-    rates: Any
-    profile: Any
-    kinks: tuple[float, float, float]
-    dimensions: int
-    spins: int
-
-
-class Bed(NamedTuple):
-    """Rebound, to be called; roughness, the highest contact (−∞ where there is no bed), and who draws."""
-
-    rebound: Any
-    roughness: Any
-    highest: float
-    seed: int
-    grain: int
-
-
-class Memory(NamedTuple):
-    """What the memory does at an impact, how long it holds; for a memory of so many jumps what came before each of them (jump, memory, terms) and
-    when that was (jump,), both empty without such a limit.
-    """
-
-    rebound: int
-    horizon: float
-    before: Floats
-    when: Floats
-
-
-class Limits(NamedTuple):
-    """A flight this long never comes down; flights this short, so many in a row, are rest."""
-
-    longest: float
-    shortest: float
-    patience: float
-    seal: float  # jumps wanted in all
-    prescribed: int  # contacts do not turn the grain where 1
 
 
 @shared

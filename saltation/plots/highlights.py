@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from basset.kernels import Floats
-from saltation.cloud_result import CloudResult
-from saltation.tracks import SPEEDS, Track, columns, image, meeting_places, track
+from saltation.plots.tracks import SPEEDS, Track, columns, image, meeting_places, track
+from saltation.results.result import Result
 
 __all__ = ["Group", "Pair", "busiest", "clean_pair", "group_of"]
 
@@ -21,19 +21,19 @@ MOST = 6  # grains in a picture
 CANDIDATES = 500  # encounters that are tried
 
 
-def encounters_of(result: CloudResult, what: str) -> pd.DataFrame:
+def encounters_of(result: Result, what: str) -> pd.DataFrame:
     """The encounters; refused where there is none."""
     if not len(result.encounters):
         raise ValueError(f"{what} needs grains that meet: the run has no encounter")
     return result.encounters
 
 
-def jump_time(result: CloudResult) -> float:
+def jump_time(result: Result) -> float:
     """Mean duration of a jump, d/u*; of a run without jumps a tenth of its time."""
     return float(result.all_jumps["duration"].mean()) if len(result.all_jumps) else 0.1 * result.time
 
 
-def settled(result: CloudResult) -> float:
+def settled(result: Result) -> float:
     """When half of the grains have done their first `run.discard` jumps, d/u*; 0 if they never do."""
     jumps = result.jumps
     return float(jumps.groupby("grain")["start"].min().median()) if len(jumps) else 0.0
@@ -51,7 +51,7 @@ class Group(NamedTuple):
     high: float  # d/u*, until when
     offsets: dict[int, Floats]  # grain -> (3,) d: what brings its path into one periodic image with the others
 
-    def of(self, result: CloudResult) -> pd.DataFrame:
+    def of(self, result: Result) -> pd.DataFrame:
         """The encounters of its grains in its time, in the order of time; index as in the run's table."""
         return members(within(result.encounters, self.low, self.high), self.offsets)
 
@@ -66,7 +66,7 @@ def members(met: pd.DataFrame, grains: Any) -> pd.DataFrame:
     return met[met["first"].isin(list(grains)) | met["second"].isin(list(grains))]
 
 
-def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: CloudResult) -> dict[int, Floats]:
+def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Result) -> dict[int, Floats]:
     """From one grain on those whom it meets, whom these meet and so on; with the offsets of their paths."""
     offsets: dict[int, Floats] = {root: np.zeros(3)}
     added = True
@@ -84,7 +84,7 @@ def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Cl
     return offsets
 
 
-def group_of(result: CloudResult, span: float) -> Group:
+def group_of(result: Result, span: float) -> Group:
     """Where in the run the most encounters lie among a handful of grains within a time `span`, d/u*."""
     met = result.encounters.reset_index(drop=True)
     places = meeting_places(result)
@@ -100,7 +100,7 @@ def group_of(result: CloudResult, span: float) -> Group:
     return found
 
 
-def contact_points(result: CloudResult, group: Group) -> tuple[Floats, NDArray[np.bool_]]:
+def contact_points(result: Result, group: Group) -> tuple[Floats, NDArray[np.bool_]]:
     """Contact points of the encounters of a group (n, 3) in d, on the path of one of its grains; whether both grains are of the group (n,)."""
     met = group.of(result)
     first, second = (places[met.index.to_numpy()] for places in meeting_places(result))
@@ -133,7 +133,7 @@ class Pair(NamedTuple):
         return np.array([self.row[name] for name in ("n_x", "n_y", "n_z")])
 
 
-def calm_around(result: CloudResult) -> Floats:
+def calm_around(result: Result) -> Floats:
     """For every encounter the time to the nearest other contact of either of its grains, or to an end of the paths (n,), d/u*."""
     met, jumps = result.encounters, result.all_jumps
     grain = np.concatenate([jumps["grain"], met["first"], met["second"]])
@@ -148,7 +148,7 @@ def calm_around(result: CloudResult) -> Floats:
     return gaps
 
 
-def clean_pair(result: CloudResult, what: str) -> Pair:
+def clean_pair(result: Result, what: str) -> Pair:
     """The encounter that shows best: long after and before other contacts, fast along the normal, in the x–z plane; `what` asks, for the message."""
     met = encounters_of(result, what).reset_index(drop=True)
     calm, tau = calm_around(result), jump_time(result)
@@ -163,7 +163,7 @@ def clean_pair(result: CloudResult, what: str) -> Pair:
     return Pair(row, (first, Track(second.time, second.place + offset, second.before, second.after, second.kind)), float(min(calm[best], tau)))
 
 
-def busiest(result: CloudResult, span: float) -> tuple[int, float]:
+def busiest(result: Result, span: float) -> tuple[int, float]:
     """The grain that encounters turn most across the stream without following on each other's heels, and from when on within a `span`, d/u*."""
     met = encounters_of(result, "grain_history").reset_index(drop=True)
     turned = np.abs(met["first_v_after"] - met["first_v"])

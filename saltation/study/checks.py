@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from saltation.effects import EFFECTS
 from saltation.effects.drag import LAWS
-from saltation.engine import Engine
+from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES
-from saltation.scene import AUTO
+from saltation.scene import AUTO, Scene
 
 
 class Number(NamedTuple):
@@ -20,14 +20,14 @@ class Number(NamedTuple):
     meaning: str
 
 
-def numbers(scene: Any) -> list[Number]:
+def numbers(scene: Scene) -> list[Number]:
     """The dimensionless numbers of a scene; those of the stream only where there is one."""
     n = scene.numbers
     found = [
         Number("rho_s/rho", n.density_ratio, "density of the grain over the fluid's"),
         Number("R_p", n.particle_reynolds, "particle Reynolds number √(R g d³)/ν"),
     ]
-    if scene.channel is not None:
+    if scene.channel is not None and n.stage is not None:
         height = scene.channel.roughness_height or scene.grain.diameter
         found += [
             Number("τ*", n.shields, "Shields parameter"),
@@ -49,7 +49,7 @@ def numbers(scene: Any) -> list[Number]:
     return found
 
 
-def settling_velocity(scene: Any) -> float | None:
+def settling_velocity(scene: Scene) -> float | None:
     """Terminal velocity in still water, m/s: drag balances weight, thesis (3-1); None without weight or drag, or for a grain that does not sink."""
     n = scene.numbers
     if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
@@ -66,7 +66,7 @@ def settling_velocity(scene: Any) -> float | None:
     return float(math.exp(low) * n.velocity)
 
 
-def computed(scene: Any) -> dict[str, str]:
+def computed(scene: Scene) -> dict[str, str]:
     """What a run of the scene computes (state, spin, forces, memory, …), a line of text each."""
     engine = Engine(scene)
     axes = "xz" if scene.in_plane else "xyz"
@@ -97,9 +97,9 @@ def computed(scene: Any) -> dict[str, str]:
             found["encounters"] = f"hard spheres, e = {pairs.restitution:g}, f = {pairs.friction:g}, {scene.cloud.boundary} along and across"
     solver, unit = scene.solver, _unit_of_time(scene)
     found["solver"] = f"collocation, rtol = {solver.rtol:g}" if solver.method == "collocation" else f"{solver.method}, dt = {solver.dt:g} {unit}"
-    time = f"{scene.run.duration:g} s ({scene.run.duration / scene.numbers.time:.4g} {unit})" if scene.run.duration is not None else ""
-    length = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else time
-    found["run"] = f"{length}; seed {scene.run.seed}"
+    time = f"{scene.run.duration:g} s ({scene.end:.4g} {unit})" if scene.run.duration is not None else ""
+    lasts = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else time
+    found["run"] = f"{lasts}; seed {scene.run.seed}"
     if scene.bed is not None:
         found["ends early"] = f"where the grain lies still, creeps along the bed or flies longer than {scene.longest_flight:.4g} {unit}"
     if stream is None:
@@ -109,7 +109,7 @@ def computed(scene: Any) -> dict[str, str]:
     return found
 
 
-def _memory(scene: Any, engine: Engine) -> str:
+def _memory(scene: Scene, engine: Engine) -> str:
     options = scene.options("history")
     after = f"; at a rebound: {options.rebound}" if scene.bed is not None else ""
     if scene.solver.method != "collocation":
@@ -120,12 +120,12 @@ def _memory(scene: Any, engine: Engine) -> str:
     return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {reach}{last}{after}"
 
 
-def _unit_of_time(scene: Any) -> str:
+def _unit_of_time(scene: Scene) -> str:
     """In still water there is no u*."""
     return "d/u*" if scene.channel is not None else "d/V"
 
 
-def left_out(scene: Any) -> list[str]:
+def left_out(scene: Scene) -> list[str]:
     """What a run of the scene does not compute: no state, no memory, no time goes into it."""
     meaningless = {"encounters"} if scene.cloud is None else set()  # a single grain meets nobody
     missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names and name not in meaningless]
@@ -140,12 +140,12 @@ def left_out(scene: Any) -> list[str]:
     return missing
 
 
-def ignored(scene: Any) -> list[str]:
+def ignored(scene: Scene) -> list[str]:
     """Names of the tables that a scene gives for effects that it does not have."""
     return [name for name in EFFECTS if name not in scene.names and getattr(scene, name) is not None]
 
 
-def _memory_ends(scene: Any) -> str:
+def _memory_ends(scene: Scene) -> str:
     """A memory that is given may end before the run."""
     given = scene.options("history").horizon if "history" in scene.names else None
     if given is None:
@@ -157,21 +157,21 @@ def _memory_ends(scene: Any) -> str:
     return f"history.horizon = {given:g} {_unit_of_time(scene)} is given: a run that {lasts} ends there; left out, the memory follows the flights"
 
 
-def _comes_to_rest(scene: Any) -> str:
+def _comes_to_rest(scene: Scene) -> str:
     """Nothing keeps a grain moving in still water."""
     if scene.bed is None or scene.channel is not None or scene.bed.restitution == 1.0:
         return ""
     return "in still water the grain bounces lower each time and comes to rest: the run may end before its jumps"
 
 
-def warnings(scene: Any) -> list[str]:
+def warnings(scene: Scene) -> list[str]:
     """What to be wary of, one sentence or two each."""
     n = scene.numbers
     found = [f"[{name}] is ignored: {name!r} is not among the effects" for name in ignored(scene)]
-    if scene.channel is not None and n.stage < 1.0:
+    if n.stage is not None and n.stage < 1.0:
         found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: the regressions say that nothing jumps")
     speed = settling_velocity(scene)
-    if scene.channel is not None and speed is not None and speed < n.velocity:
+    if n.stage is not None and speed is not None and speed < n.velocity:
         most = n.stage * (speed / n.velocity) ** 2
         found.append(
             f"suspension: the settling velocity {speed:.3g} m/s is below u* = {n.velocity:.3g} m/s (from T = {most:.3g} on); such grains are carried by "

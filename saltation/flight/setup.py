@@ -1,4 +1,4 @@
-"""From numbers to flights: the tables of the collocation, shared by all grains of a kind, and the loop around `flight.fly`."""
+"""From numbers to flights: the tables of the collocation, shared by all grains of a kind, and the loop around `loop.fly`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
 from basset.spectrum import STAYS, Following
-from saltation import flight
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.effects import EFFECTS
 from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
+from saltation.flight import layout, loop
 from saltation.flow import Still, both, tabulated
+from saltation.scene import Bed, Scene
 
 SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may be longer than usual or never end, more
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
@@ -33,7 +34,6 @@ BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # the local estimate of a regular step is so much too careful: measured, see tests/saltation/test_convergence.py
 ATOL = 1.0  # of velocities and spins, in V and V/d
-REST = 1e-5  # d/V: shorter flights
 PATIENCE = 50.0  # … so many in a row are rest
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
 NEVER = -math.inf  # refused steps until the stepper doubts that the equation is smooth: its kinks are known
@@ -58,7 +58,7 @@ def tables_for(stages: int, rtol: float, horizon: float | None, floor: float = F
             rtol *= 2.0  # the best that is tabulated
 
 
-def first_horizon(scene: Any) -> float:
+def first_horizon(scene: Scene) -> float:
     """How far the memory of a run reaches at first, d/V: the scene's horizon, unless that is long and a shorter one may do."""
     if scene.widens:
         return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
@@ -66,7 +66,7 @@ def first_horizon(scene: Any) -> float:
     return float(min(scene.horizon, max(min(EASY, 1e9 * relaxation(scene)), needed)))
 
 
-def relaxation(scene: Any) -> float:
+def relaxation(scene: Scene) -> float:
     """The shorter of the times in which drag and history slow a grain down, d/V: steps must be able to resolve it."""
     n, names = scene.numbers, scene.names
     drag = n.reynolds / (18.0 * n.alpha) if "drag" in names else math.inf
@@ -79,7 +79,7 @@ class Engine:
     `horizon` (d/V): how far its memory reaches, in place of the scene's.
     """
 
-    def __init__(self, scene: Any, horizon: float | None = None) -> None:
+    def __init__(self, scene: Scene, horizon: float | None = None) -> None:
         numbers, names = scene.numbers, scene.names
         self.scene, self.numbers = scene, numbers
         self._kept: list[Any] = []  # what addresses point to
@@ -94,12 +94,13 @@ class Engine:
         self.dimensions = 2 if scene.in_plane else 3
         across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.equation = flight.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
+        self.equation = loop.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
         self.kinks, self.spins = kinks, 0 if self.rotation is None else 1 if scene.in_plane else 3
         self.states = 2 * self.dimensions + self.spins
         self.members = self.dimensions if "history" in names else 0
         self.prescribed = None
         if "rotation" in names and scene.options("rotation").law == "prescribed":
+            assert numbers.stage is not None
             self.prescribed = prescribed_spin(numbers.stage)
         rtol = scene.solver.rtol
         digits = -math.log10(rtol)
@@ -109,7 +110,7 @@ class Engine:
         far = horizon
         if self.members and scene.options("history").kernel != "basset" and horizon is not None:
             far = 10.0 * horizon  # for the weights that follow the slip, see basset.spectrum
-        end = math.inf if scene.run.duration is None else scene.run.duration / numbers.time
+        end = scene.end
         span = SPAN
         if scene.cloud is None:  # steps grow with what a flight may last
             longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
@@ -130,17 +131,19 @@ class Engine:
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.cut = stepper.Cut(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
-        self.limits = flight.Limits(scene.longest_flight, REST, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None))
+        self.limits = layout.Limits(
+            scene.longest_flight, layout.SHORTEST_FLIGHT, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None)
+        )
 
     @cached_property
-    def model(self) -> flight.Model:
+    def model(self) -> layout.Model:
         """The equation for the loop; the first of its kind is compiled."""
-        rates, data = flight.rates_entry(self.equation)
+        rates, data = loop.rates_entry(self.equation)
         self._kept.append(data)
-        return flight.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
+        return layout.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
 
     @cached_property
-    def bed(self) -> flight.Bed | None:
+    def bed(self) -> layout.Bed | None:
         """The bed for the loop; the first rebound of its kind is compiled."""
         return self._bed(self.scene.bed) if self.scene.bed is not None else None
 
@@ -151,9 +154,10 @@ class Engine:
         constants = KERNELS[self.scene.options("history").kernel]
         return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), horizon)
 
-    def _restitution(self, bed: Any) -> Restitution:
+    def _restitution(self, bed: Bed) -> Restitution:
         stokes = self.numbers.stokes(1.0)
         if bed.restitution == "set1":
+            assert self.numbers.stage is not None
             return Restitution(max(0.0, 0.75 - 0.25 * self.numbers.stage), 0.0, stokes)
         if bed.restitution == "stokes":
             return Restitution(0.97, 35.0, stokes)
@@ -161,46 +165,51 @@ class Engine:
 
     @cached_property
     def rebound(self) -> Any:
-        """The law of rebounds."""
+        """The law of rebounds, of a scene with a bed."""
         bed = self.scene.bed
-        restitution = self._restitution(bed)
+        assert bed is not None
+        restitution, friction, retention = self._restitution(bed), bed.friction or 0.0, bed.tangential_retention or 0.0  # given where they count
         added = 1.0 + self.numbers.added_mass / self.numbers.density_ratio if bed.contact_mass == "immersed" else 1.0
         rebounds: dict[str, Callable[[], Any]] = {
-            "tsuji": lambda: Tsuji(restitution, bed.friction, added),
-            "garcia_nino": lambda: GarciaNino(restitution, bed.tangential_retention),
-            "tsuji_printed": lambda: TsujiPrinted(restitution, bed.friction),
-            "sliding_only": lambda: SlidingOnly(restitution, bed.friction),
+            "tsuji": lambda: Tsuji(restitution, friction, added),
+            "garcia_nino": lambda: GarciaNino(restitution, retention),
+            "tsuji_printed": lambda: TsujiPrinted(restitution, friction),
+            "sliding_only": lambda: SlidingOnly(restitution, friction),
         }
         return rebounds[bed.rebound]()
 
-    def _bed(self, bed: Any) -> flight.Bed:
-        rebound, data = flight.rebound_entry(self.rebound)
+    def _bed(self, bed: Bed) -> layout.Bed:
+        rebound, data = loop.rebound_entry(self.rebound)
         self._kept.append(data)
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
         roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
-        return flight.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
+        return layout.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
-    def bed_of(self, grain: int) -> flight.Bed:
+    def bed_of(self, grain: int) -> layout.Bed:
         """The bed as a grain finds it: its draws are its own."""
         if self.bed is None:  # out of reach
-            return flight.Bed(self.model.rates, ROUGHNESS["flat"](READINGS.index("clip"), 0.0, 0.0, 0.5), -math.inf, 0, grain)
+            return layout.Bed(self.model.rates, ROUGHNESS["flat"](READINGS.index("clip"), 0.0, 0.0, 0.5), -math.inf, 0, grain)
         return self.bed._replace(grain=grain)
 
-    def memory(self, jumps: int = 0) -> flight.Memory:
+    def memory(self, jumps: int = 0) -> layout.Memory:
         """What the memory does at contacts; with `jumps` it forgets what lies farther back."""
         before, when = np.zeros((jumps, self.members, len(self.rates))), np.zeros(jumps)
         rebound = ("impulse", "restart", "reset", "none").index(self.scene.options("history").rebound) if self.members else 0
-        return flight.Memory(rebound, self.horizon, before, when)
+        return layout.Memory(rebound, self.horizon, before, when)
 
     def first(self) -> Start:
         """The scene's first takeoff."""
         start, numbers = self.scene.start, self.numbers
         height = self.contact_height if start.height is None else start.height / numbers.diameter
-        velocity = (2.0, 0.0, 2.0) if start.velocity is None else tuple(value / numbers.velocity for value in start.velocity)
+        velocity = (2.0, 0.0, 2.0)
+        if start.velocity is not None:
+            u, v, w = start.velocity
+            velocity = u / numbers.velocity, v / numbers.velocity, w / numbers.velocity
         spin = (0.0, 2.0, 0.0) if self.scene.turns and start.velocity is None else (0.0, 0.0, 0.0)
         if start.spin is not None:
-            spin = tuple(value * numbers.time for value in start.spin)
+            x, y, z = start.spin
+            spin = x * numbers.time, y * numbers.time, z * numbers.time
         if self.prescribed is not None:
             spin = (0.0, self.prescribed, 0.0)
         return Start((0.0, 0.0, height), velocity, spin)
@@ -221,9 +230,9 @@ class Engine:
 
     def steps(
         self,
-        limits: flight.Limits,
-        bed: flight.Bed,
-        memory: flight.Memory,
+        limits: layout.Limits,
+        bed: layout.Bed,
+        memory: layout.Memory,
         state: stepper.State,
         own: Floats,
         account: Floats,
@@ -231,17 +240,17 @@ class Engine:
         record: stepper.Record,
         jumps: Floats,
         problem: stepper.Problem,
-    ) -> tuple[flight.Steps, Any]:
+    ) -> tuple[loop.Steps, Any]:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
         equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
         room = stepper.room(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.cut, room))
-        whole = placed(flight.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
+        whole = placed(loop.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
         attempt, kept = self.attempt(parts)
         accept, cut = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.cut_entry))
-        look, land = (bind(whole)[0] for bind in (flight.look_entry, flight.land_entry))
-        return flight.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
+        look, land = (bind(whole)[0] for bind in (loop.look_entry, loop.land_entry))
+        return loop.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
 
     def attempt(self, parts: Any, problem: stepper.Problem | None = None) -> tuple[Any, Any]:
         """The search for a step, of another problem if one is given; and what must be kept alive meanwhile."""
@@ -272,11 +281,11 @@ class Grain:
         places[stepper.REFUSED] = NEVER
         jump = y[d : d + members].copy()
         self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), places)
-        self.spin = np.array([*first.spin, flight.layer_of(engine.model, first.position[2], first.velocity[2])])
+        self.spin = np.array([*first.spin, loop.layer_of(engine.model, first.position[2], first.velocity[2])])
         self.flight = np.zeros(14)
-        self.flight[[flight.X, flight.Y, flight.Z]] = first.position
-        self.flight[flight.TOP] = first.position[2]
-        self.flight[[flight.U, flight.V, flight.W]] = first.velocity
+        self.flight[[layout.X, layout.Y, layout.Z]] = first.position
+        self.flight[layout.TOP] = first.position[2]
+        self.flight[[layout.U, layout.V, layout.W]] = first.velocity
         options = engine.scene.options("history") if members else None
         kept = None if options is None else options.window_jumps
         self.memory = engine.memory(kept or 0)
@@ -291,8 +300,8 @@ class Grain:
         if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
             steps, kept = engine.steps(*given[2:], problem=engine.problem)
             if engine.scene.bed is not None and self.state.numbers[stepper.STEPS] == 0.0:
-                flight.set_tolerance(steps.flight, math.inf)
-            self._bound = given, (steps, flight.fly_entry(steps), placed(record), kept)
+                loop.set_tolerance(steps.flight, math.inf)
+            self._bound = given, (steps, loop.fly_entry(steps), placed(record), kept)
         steps, (watch, _), log, _ = self._bound[1]
         parts = steps.flight.parts
         while True:
@@ -302,3 +311,9 @@ class Grain:
             engine.tables.fill(parts.odd, self.state.numbers)
             if done:
                 return stepper.FULL, done
+
+
+def empty_record(steps: int, stages: int, states: int) -> stepper.Record:
+    """Room for so many steps."""
+    shapes: tuple[Any, ...] = (steps, steps, steps, steps, (steps, states), (steps, stages, states), steps, (steps, 0), (steps, 0))
+    return stepper.Record(*(np.zeros(shape) for shape in shapes))

@@ -6,7 +6,7 @@ where it happens. Nobody is advanced beyond what is certain, so nothing is taken
 encounters the grains are served one after the other, and there is no search and no list.
 
 A pair's gap g = |r| − 1 falls no faster than g'(t) allows with what the step says about accelerations, because |r|'' ≥ −|a|:
-the time to the next look follows from that bound and no meeting is passed by (conservative advancement, Mirtich 1996).
+the time to the next look follows from that bound and no meeting is passed by (conservative advancement).
 
 A step's positions and slips are two polynomials that agree at the nodes only. Here a grain moves along one path per step: its
 position is the integral of its velocity, which begins with that of the state. A gap that closes does so at a rate below 0,
@@ -26,8 +26,8 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
-from saltation import flight
 from saltation.bed.contact import strike_pair
+from saltation.flight import layout, loop
 from saltation.flow import both
 from saltation.grain import Triple
 
@@ -41,16 +41,6 @@ MARGIN = math.sqrt(2.0)  # |p| on [−1, 1] over the largest at the zeros of T_2
 RISE = (1.0 / 12.0, -1.0 / 20.0, -1.0 / 12.0, 1.0 / 20.0)
 SLOPE = (3.0 / 20.0, -1.0 / 20.0, -5.0 / 28.0, 1.0 / 20.0, 1.0 / 35.0)
 CURVE = (1.0 / 60.0, 0.0, -1.0 / 42.0, 0.0, 1.0 / 140.0)
-
-# columns of the table of encounters: n from the first grain to the second
-COLUMNS = (
-    "time", "first", "second", "x", "y", "z", "n_x", "n_y", "n_z", "distance", "restitution",
-    "first_u", "first_v", "first_w", "second_u", "second_v", "second_w",
-    "first_spin_x", "first_spin_y", "first_spin_z", "second_spin_x", "second_spin_y", "second_spin_z",
-    "first_u_after", "first_v_after", "first_w_after", "second_u_after", "second_v_after", "second_w_after",
-    "first_spin_x_after", "first_spin_y_after", "first_spin_z_after", "second_spin_x_after", "second_spin_y_after", "second_spin_z_after",
-    "impulse_x", "impulse_y", "impulse_z",
-)  # fmt: skip
 
 
 class World(NamedTuple):
@@ -133,7 +123,7 @@ class Parts(NamedTuple):
     be small enough, since two contacts follow each other too closely.
     """
 
-    steps: flight.Steps
+    steps: loop.Steps
     rough: Any
 
 
@@ -228,7 +218,7 @@ def nearest(difference: float, period: float) -> float:
 
 
 @shared
-def velocity_of(model: flight.Model, y: Floats) -> Triple:
+def velocity_of(model: layout.Model, y: Floats) -> Triple:
     """Velocity that belongs to some states."""
     if model.dimensions == 2:
         return y[2] + both(model.profile, y[1])[0], 0.0, y[3]
@@ -236,7 +226,7 @@ def velocity_of(model: flight.Model, y: Floats) -> Triple:
 
 
 @shared
-def begin_with(model: flight.Model, singular: int, h: float, y: Floats, states: Floats) -> None:
+def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: Floats) -> None:
     """Let the positions of a step begin with the velocity of its states, their ends staying as they are.
 
     A singular step's positions are c₁√θ + …, c₁ of the size of its error: a pair would set out at an infinite velocity.
@@ -270,7 +260,7 @@ def polynomial_of(parts: Parts, world: World | None, crowd: Crowd, grain: int, s
 
 
 @shared
-def differentiate(model: flight.Model, singular: int, h: float, course: Course) -> None:
+def differentiate(model: layout.Model, singular: int, h: float, course: Course) -> None:
     """The velocity of a path, dx/dθ/h, in a singular step dx/ds/(2sh)."""
     d = model.dimensions
     states, velocity = course.states, course.velocity
@@ -301,7 +291,7 @@ def course_of(parts: Parts, world: World, crowd: Crowd, grain: int, course: Cour
 
 
 @shared
-def flown(model: flight.Model, course: Course, s: float) -> tuple[Triple, Triple]:
+def flown(model: layout.Model, course: Course, s: float) -> tuple[Triple, Triple]:
     """How far a grain has come at s of its step, and its velocity."""
     states, velocity = course.states, course.velocity
     high = model.dimensions - 1
@@ -331,7 +321,7 @@ def turning(course: Course, s: float) -> float:
 
 
 @shared
-def describe(model: flight.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
+def describe(model: layout.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
     length, end = h * share, math.sqrt(share) if singular == 1 else share
     (u, v, w) = flown(model, course, 0.0)[1]
@@ -390,7 +380,7 @@ def share_at(crowd: Crowd, grain: int, time: float) -> float:
 
 
 @shared
-def at_time(model: flight.Model, crowd: Crowd, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
+def at_time(model: layout.Model, crowd: Crowd, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
     """How far a grain has come at a time of its step in hand, and its velocity."""
     theta = share_at(crowd, grain, time)
     return flown(model, course, math.sqrt(theta) if crowd.numbers[grain, SINGULAR] == 1.0 else theta)
@@ -410,7 +400,7 @@ def image(world: World, one: Floats, two: Floats, start: float, end: float) -> t
 
 
 @shared
-def apart(model: flight.Model, crowd: Crowd, i: int, j: int, one: Course, two: Course, shift: tuple[float, float], time: float) -> tuple[float, float]:
+def apart(model: layout.Model, crowd: Crowd, i: int, j: int, one: Course, two: Course, shift: tuple[float, float], time: float) -> tuple[float, float]:
     """Gap between two surfaces and its rate of change."""
     high = model.dimensions - 1
     first, second = crowd.y[i], crowd.y[j]
@@ -467,7 +457,7 @@ def meets(gap: float, rate: float, rounding: float) -> bool:
 
 
 @shared
-def meeting(model: flight.Model, world: World, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
+def meeting(model: layout.Model, world: World, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
     """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond.
 
     Where they touch without closing in, the next look is when they may have sunk by half of what is left to `UNSEEN`: never beyond.
@@ -564,7 +554,7 @@ def copy_rows(source: Floats, target: Floats) -> None:
 
 
 @shared
-def take(crowd: Crowd, i: int, g: flight.Flight) -> None:
+def take(crowd: Crowd, i: int, g: loop.Flight) -> None:
     """Take a grain in hand."""
     p, state = g.parts, g.parts.state
     copy_row(crowd.y[i], state.y)
@@ -579,7 +569,7 @@ def take(crowd: Crowd, i: int, g: flight.Flight) -> None:
 
 
 @shared
-def put(crowd: Crowd, i: int, g: flight.Flight) -> None:
+def put(crowd: Crowd, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what taking a step has changed."""
     p, state = g.parts, g.parts.state
     copy_row(state.y, crowd.y[i])
@@ -592,7 +582,7 @@ def put(crowd: Crowd, i: int, g: flight.Flight) -> None:
 
 
 @shared
-def put_step(crowd: Crowd, i: int, g: flight.Flight) -> None:
+def put_step(crowd: Crowd, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what finding a step has changed."""
     p = g.parts
     copy_rows(p.state.jacobian, crowd.diagonal[i])
@@ -609,10 +599,10 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
     steps = parts.steps
     g, p = steps.flight, steps.flight.parts
     model, problem, state, numbers, signal, polynomial = g.model, p.problem, p.state, p.state.numbers, p.room.signal, p.room.polynomial
-    if numbers[TIME] - g.account[flight.START] > g.limits.longest:
-        return flight.ALOFT
+    if numbers[TIME] - g.account[layout.START] > g.limits.longest:
+        return layout.ALOFT
     if numbers[STEPS] == 0.0 and crowd.kind[i] == PLAN and g.bed.highest > -math.inf:
-        flight.set_tolerance(g, math.inf)
+        loop.set_tolerance(g, math.inf)
     while True:
         code = ACCEPTED
         if crowd.kind[i] != ROUGH:
@@ -653,7 +643,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
 
 
 @shared
-def write_samples(model: flight.Model, crowd: Crowd, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
+def write_samples(model: layout.Model, crowd: Crowd, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
     """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = model.dimensions
     while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
@@ -672,7 +662,7 @@ def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, the
     g, p = parts.steps.flight, parts.steps.flight.parts
     numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
     write_samples(g.model, crowd, samples, i, polynomial, now, p.room.before)
-    flight.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    loop.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
     call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
 
@@ -686,14 +676,14 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> 
     if crowd.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
         write_samples(model, crowd, samples, i, p.room.polynomial, now, p.room.before)
-        flight.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        loop.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
-            p.equation.own[3] = flight.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
+            p.equation.own[3] = loop.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i])
     if crowd.own[i] == KINK:
-        flight.cross(model, p)
+        loop.cross(model, p)
         return ACCEPTED
     count = logs.count
     row = index(count[0])
@@ -716,7 +706,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
-    spin_one, spin_two = flight.spin_of(model, first, crowd.spin[i]), flight.spin_of(model, second, crowd.spin[j])
+    spin_one, spin_two = loop.spin_of(model, first, crowd.spin[i]), loop.spin_of(model, second, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
     if closing > 0.0 and restitution * closing < world.slowest:
@@ -733,9 +723,9 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         grain = i if side == 0 else j
         take(crowd, grain, g)
         k = 23 + 3 * side
-        flight.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        loop.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
         if not g.limits.prescribed:
-            flight.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            loop.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
         put(crowd, grain, g)
 
 
@@ -792,7 +782,7 @@ def serve(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: 
         code = plan(parts, world, crowd, heads, logs, i, courses)
         if code != ACCEPTED:
             logs.count[2] = i
-            if code == flight.ALOFT:
+            if code == layout.ALOFT:
                 depart(world, crowd, heads, i)
             return code
         if world is None:
@@ -813,7 +803,7 @@ def serve(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: 
         polynomial_of(parts, world, crowd, i, g.parts.room.polynomial)
     code = finish(parts, crowd, samples, logs, i)
     put(crowd, i, g)
-    if code == flight.REST:
+    if code == layout.REST:
         logs.count[2] = i
         depart(world, crowd, heads, i)
         return code

@@ -18,8 +18,8 @@ from PIL import Image
 from basset._look import BROWN, LOOK, RED
 from basset.kernels import Floats
 from saltation._files import replacing
-from saltation.cloud_result import CloudResult
-from saltation.highlights import jump_time, settled
+from saltation.plots.highlights import jump_time, settled
+from saltation.results.result import Result
 
 __all__ = ["animate"]
 
@@ -35,7 +35,7 @@ GLOW = 0.25  # mean durations of a jump that grains stay marked after they met
 class Scenery:
     """The figure, and what moves in it."""
 
-    def __init__(self, result: CloudResult, speeds: Floats, top: float) -> None:
+    def __init__(self, result: Result, speeds: Floats, top: float) -> None:
         """For `speeds` (u*) from the first to the second and heights up to `top` (d)."""
         box = result.scene.box
         self.length, self.width = min(box[0], WIDEST), min(box[1], WIDEST)
@@ -55,7 +55,7 @@ class Scenery:
         panels[0].axhline(0.0, color=BROWN, linewidth=6.0)
         panels[0].set_ylabel("height z (d)")
         where = f", a part of the box of {box[0]:.3g} d" if box[0] > WIDEST else ""
-        panels[-1].set_xlabel("along x (d)" + (where if result.scene.cloud.boundary == "periodic" else ", about the median grain"))
+        panels[-1].set_xlabel("along x (d)" + (where if result.scene.grains.boundary == "periodic" else ", about the median grain"))
         if not self.flat:
             panels[1].set_ylabel("across y (d)")
         self.figure.colorbar(self.grains[0], ax=list(panels), location="bottom", aspect=50, pad=0.02, label="speed (u*)")
@@ -100,7 +100,7 @@ def folded(places: Floats, box: tuple[float, ...]) -> tuple[Floats, NDArray[np.i
 
 
 def animate(
-    result: CloudResult, path: str | os.PathLike[str], frames: int = FRAMES, start: float | None = None, progress: Callable[[float], None] | None = None
+    result: Result, path: str | os.PathLike[str], frames: int = FRAMES, start: float | None = None, progress: Callable[[float], None] | None = None
 ) -> None:
     """Write a GIF of the cloud, whole or not at all: every kept position a frame, from `start` (d/u*; default: half have done `run.discard` jumps).
 
@@ -141,7 +141,7 @@ def animate(
                 recent = met[(met["time"] <= now) & (met["time"] > now - glow)]
                 marked[recent[["first", "second"]].to_numpy().ravel()] = 1.0
             shown, owner = here, np.arange(len(here))
-            if result.scene.cloud.boundary == "periodic":
+            if result.scene.grains.boundary == "periodic":
                 shown, owner = folded(here, result.scene.box[: len(scenery.grains)])
             elif len(here):
                 shown = here - np.median(here, axis=0) * [1.0, 1.0, 0.0] + [0.5 * scenery.length, 0.5 * scenery.width, 0.0]

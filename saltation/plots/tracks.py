@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from basset.kernels import Floats
-from saltation.cloud_result import CloudResult
+from saltation.results.result import Result
 
 __all__ = ["Track", "meeting_places", "track"]
 
@@ -75,9 +75,9 @@ def columns(table: Any, names: tuple[str, ...]) -> Floats:
     return np.stack([np.asarray(table[name], dtype=np.float64) if name in table else np.zeros(n) for name in names], axis=1)
 
 
-def image(result: CloudResult, here: Floats, there: Floats) -> Floats:
+def image(result: Result, here: Floats, there: Floats) -> Floats:
     """What to add to `there` so that it is the periodic image nearest to `here`: multiples of the box (…, 3), in d; 0 in an open one."""
-    if result.scene.cloud.boundary != "periodic":
+    if result.scene.grains.boundary != "periodic":
         return np.zeros(np.broadcast_shapes(np.shape(here), np.shape(there)))
     length, width, _ = result.scene.box
     box = np.array([length, np.inf if result.scene.in_plane else width, np.inf])
@@ -85,7 +85,7 @@ def image(result: CloudResult, here: Floats, there: Floats) -> Floats:
     return np.where(np.isfinite(box), turns * np.where(np.isfinite(box), box, 0.0), 0.0)
 
 
-def meeting_places(result: CloudResult) -> tuple[Floats, Floats]:
+def meeting_places(result: Result) -> tuple[Floats, Floats]:
     """Centres (n, 3), d, of the first and of the second grain of every encounter, each on its own path (not folded back)."""
     met, path = result.encounters, result.trajectory
     if not len(met):
@@ -99,7 +99,7 @@ def meeting_places(result: CloudResult) -> tuple[Floats, Floats]:
     return first, second + image(result, kept[0] + late * kept[1], second)
 
 
-def track(result: CloudResult, grain: int) -> Track:
+def track(result: Result, grain: int) -> Track:
     """The path of a grain. It ends before the last contact with the bed: where that was and what followed is in no table."""
     path = result.trajectory
     if not 0 <= grain < path.sizes["grain"]:

@@ -13,7 +13,7 @@ from scipy.stats import mannwhitneyu
 
 from basset.kernels import Floats
 from saltation import statistics
-from saltation.cloud_result import CloudResult
+from saltation.results.result import Result
 
 __all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
 
@@ -77,7 +77,7 @@ def mean_error(jumps: pd.DataFrame, column: str, seed: int = 0, resamples: int =
     return math.sqrt(variance)
 
 
-def compare(meeting: CloudResult, passing: CloudResult) -> pd.DataFrame:
+def compare(meeting: Result, passing: Result) -> pd.DataFrame:
     """Jumps of a run with and of one without encounters: figs 4-10 to 4-12, the thesis's test and one that knows of correlation.
 
     One row per quantity of `COMPARED` (abs_deviation_angle is |deviation_angle|), in its unit: mean_with, sd_with, jumps_with, the same `_without`; difference
@@ -110,7 +110,7 @@ def two_sided(difference: float, error: float) -> float:
     return 1.0 if difference == 0.0 else math.erfc(abs(difference) / error / math.sqrt(2.0)) if error != 0.0 else 0.0
 
 
-def changes(result: CloudResult) -> pd.DataFrame:
+def changes(result: Result) -> pd.DataFrame:
     """What each encounter changes, after minus before, of both grains, two rows per encounter: thesis figs 4-13 to 4-15.
 
     angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spins in u*/d.
@@ -141,7 +141,7 @@ def distribution(changed: pd.DataFrame) -> pd.DataFrame:
 # How they spread
 
 
-def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, int]:
+def ensemble(result: Result, again: bool = False) -> tuple[Floats, Floats, int]:
     """Displacements of all grains that stay to the end, shifted to one release point: lags (m,), d/u*, members (grains · releases, m, k), d, releases of each.
 
     `again`: each grain is released not once, where it sets out, as the thesis does, but every `RELEASES` mean durations of a jump, after the jumps that are
@@ -167,7 +167,7 @@ def ensemble(result: CloudResult, again: bool = False) -> tuple[Floats, Floats, 
     return lags, np.concatenate(members), len(starts)
 
 
-def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
+def exponents(result: Result, seed: int = 0, resamples: int = 400) -> pd.DataFrame:
     """γ of ⟨X'²⟩ and ⟨Y'²⟩ ∝ t^(2γ) in the three ranges, with 95 % intervals from the scatter over grains (drawn with all their releases).
 
     One row per ensemble ("first": released where they set out; "all": again and again), axis and range: low, high (lags, d/u*), gamma, lower, upper. NaN where
@@ -194,7 +194,7 @@ def exponents(result: CloudResult, seed: int = 0, resamples: int = 400) -> pd.Da
 # How many jumps a mean needs
 
 
-def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
+def convergence(result: Result, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
     """Means of height and length, d, over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
 
     `_sd` is that of single jumps, `_scatter` the standard deviation over grains of their means of n jumps: what such a mean is uncertain by.
@@ -214,7 +214,7 @@ def convergence(result: CloudResult, counts: Sequence[int] = COUNTS) -> pd.DataF
 # All of it
 
 
-def analyses(table: pd.DataFrame, opened: Callable[[str], CloudResult]) -> dict[str, pd.DataFrame]:
+def analyses(table: pd.DataFrame, opened: Callable[[str], Result]) -> dict[str, pd.DataFrame]:
     """All tables of the 24 runs of Table 4-1, or of others with such labels; `opened` gives the result of a run by its label `name`.
 
     table_4_2; comparison, of each run with and without encounters; changes, per run with encounters; exponents; convergence: each with the labels of the runs.

@@ -11,7 +11,7 @@ from matplotlib.ticker import NullLocator
 
 from basset._look import BLUE, GREY, ORANGE, PURPLE
 from saltation import statistics
-from saltation.plots import styled
+from saltation.plots.run import styled
 
 WIDE, NARROW = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.6)  # ticks
 LOOKS = {"height": (BLUE, "o", "height H"), "length": (ORANGE, "s", "length L"), "velocity": (PURPLE, "^", "velocity ū")}

@@ -1,6 +1,6 @@
 """Pictures of a run of many grains, for `saltation plot`: paths and encounters in space, one pair, one grain, profiles, spreading.
 
-Every function of `CLOUD_PLOTS` takes a `CloudResult` and gives a Figure that belongs to no window and no backend. What a run cannot
+Every function of `CLOUD_PLOTS` takes a `Result` and gives a Figure that belongs to no window and no backend. What a run cannot
 show (no encounters, no paths) is a ValueError with one sentence.
 """
 
@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
 from basset.kernels import Floats
-from saltation import plots, statistics
-from saltation.cloud_result import CloudResult
-from saltation.grains import RANGES
-from saltation.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
-from saltation.plots import SPREAD, draw_moments, styled
-from saltation.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
+from saltation import statistics
+from saltation.plots import run as plots
+from saltation.plots.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
+from saltation.plots.run import SPREAD, draw_moments, styled
+from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
+from saltation.results.result import Result
+from saltation.study.grains import RANGES
 
 __all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
 
@@ -41,7 +42,7 @@ def mark(axes: Any, points: Floats, among: NDArray[np.bool_]) -> None:
             axes.plot(*points[chosen].T, "o", color=RED, markersize=size, markerfacecolor="none", markeredgewidth=width, label=label, zorder=5, clip_on=False)
 
 
-def paths_of(result: CloudResult, group: Group) -> tuple[dict[int, Floats], float]:
+def paths_of(result: Result, group: Group) -> tuple[dict[int, Floats], float]:
     """Lines (m, 3) of a group's grains in one periodic image, d, and the least x of them at the beginning."""
     lines: dict[int, Floats] = {grain: track(result, grain).line(group.low, group.high)[1] + offset for grain, offset in group.offsets.items()}
     return lines, float(min(line[0, 0] for line in lines.values()))
@@ -50,14 +51,14 @@ def paths_of(result: CloudResult, group: Group) -> tuple[dict[int, Floats], floa
 # Many grains in space
 
 
-def needs_width(result: CloudResult, what: str) -> None:
+def needs_width(result: Result, what: str) -> None:
     """Refuse a scene in the plane."""
     if result.scene.in_plane:
         raise ValueError(f"{what} needs three dimensions: the scene has dimensions = 2")
 
 
 @styled
-def three_dimensional(result: CloudResult) -> Figure:
+def three_dimensional(result: Result) -> Figure:
     """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8. Not for scenes in the plane."""
     needs_width(result, "three_dimensional")
     encounters_of(result, "three_dimensional")
@@ -88,7 +89,7 @@ def three_dimensional(result: CloudResult) -> Figure:
 
 
 @styled
-def plan(result: CloudResult) -> Figure:
+def plan(result: Result) -> Figure:
     """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9. Not in the plane."""
     needs_width(result, "plan")
     encounters_of(result, "plan")
@@ -135,7 +136,7 @@ def spread_out(values: Floats, least: float) -> Floats:
 
 
 @styled
-def pair(result: CloudResult) -> Figure:
+def pair(result: Result) -> Figure:
     """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6."""
     found = clean_pair(result, "pair")
     moment, tau = float(found.row["time"]), jump_time(result)
@@ -173,7 +174,7 @@ def arrow(axes: Any, x: float, z: float, colour: str, hollow: bool) -> None:
 
 
 @styled
-def snapshots(result: CloudResult) -> Figure:
+def snapshots(result: Result) -> Figure:
     """One encounter before, at and after contact: circles true to scale and velocities, seen so that the line of centres lies in the picture.
 
     The picture moves with the centre of mass of the pair at contact, whose velocity the contact does not change; it shows the vertical and the horizontal
@@ -227,7 +228,7 @@ def flat(vector: Floats, along: Floats) -> Floats:
 
 
 @styled
-def grain_history(result: CloudResult, grain: int | None = None, start: float | None = None) -> Figure:
+def grain_history(result: Result, grain: int | None = None, start: float | None = None) -> Figure:
     """One grain (default: the one that shows most) over ten jumps: height, place, velocity and acceleration across the stream; thesis fig. 4-16.
 
     A contact takes no time, so a velocity has no acceleration there: the thesis divides the change by the time step, and what it draws depends on that step.
@@ -273,7 +274,7 @@ def grain_history(result: CloudResult, grain: int | None = None, start: float | 
     return figure
 
 
-def draw_partners(axes: Any, result: CloudResult, path: Track, grain: int, met: pd.DataFrame, column: int) -> None:
+def draw_partners(axes: Any, result: Result, path: Track, grain: int, met: pd.DataFrame, column: int) -> None:
     """Paths of those whom a grain meets, around the encounters, in its periodic image."""
     reach = 0.5 * jump_time(result)
     for time, first, second in zip(met["time"], met["first"], met["second"], strict=True):
@@ -308,14 +309,14 @@ def draw_kicks(axes: Any, path: Track, low: float, high: float) -> None:
 
 
 @styled
-def profiles(result: CloudResult) -> Figure:
+def profiles(result: Result) -> Figure:
     """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps."""
     start = settled(result)
     table = result.profiles(start=start)
     z, filled = table["z"].to_numpy(), table["concentration"].to_numpy() > 0.0
     figure = Figure(figsize=(9.0, 4.6))
     left, right = figure.subplots(1, 2, sharey=True)
-    unit = "% by volume" if result.scene.cloud.boundary == "periodic" else "% of its mean over the height"
+    unit = "% by volume" if result.scene.grains.boundary == "periodic" else "% of its mean over the height"
     left.plot(100.0 * table["concentration"], z, color=BLUE, marker="o", markersize=4)
     left.set(xlabel=f"concentration ({unit})", ylabel="height of the centre z (d)", xlim=(0, None))
     mean, spread = table["velocity"].to_numpy(), table["velocity_sd"].to_numpy()
@@ -365,7 +366,7 @@ def changes(met: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def encounters(result: CloudResult) -> Figure:
+def encounters(result: Result) -> Figure:
     """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15."""
     found = changes(encounters_of(result, "encounters"))
     figure = Figure(figsize=(10.0, 7.6))
@@ -392,7 +393,7 @@ def encounters(result: CloudResult) -> Figure:
     return figure
 
 
-def moments_of(result: CloudResult) -> tuple[Floats, Floats]:
+def moments_of(result: Result) -> tuple[Floats, Floats]:
     """Lags (m,) in d/u*, evenly spaced in their logarithm, and ⟨X'²⟩, ⟨Y'²⟩ (m, 2) in d² from one release point; grains that stay to the end."""
     path = result.trajectory
     time = path["time"].to_numpy()
@@ -413,7 +414,7 @@ def ranges_for(lags: Floats, tau: float) -> list[tuple[float, float]]:
 
 
 @styled
-def second_moments(result: CloudResult, without: CloudResult | None = None) -> Figure:
+def second_moments(result: Result, without: Result | None = None) -> Figure:
     """⟨X'²⟩ and ⟨Y'²⟩ of all grains from one release point against time, with their exponents; thesis figs 4-17 and 4-18, (4-14), (4-15).
 
     `without`: the same scene without encounters, drawn grey.
@@ -440,12 +441,12 @@ def second_moments(result: CloudResult, without: CloudResult | None = None) -> F
             axes.legend(loc="upper left")
     if not parts:
         raise ValueError("second_moments needs grains that scatter: here they all fly alike")
-    title = f"{result.scene.cloud.number} grains spread from one release point: {'; '.join(parts)}"
+    title = f"{result.scene.grains.number} grains spread from one release point: {'; '.join(parts)}"
     figure.suptitle(f"{title}\n(fitted within a jump, from 2 to 20 and beyond 40 jumps)")
     return figure
 
 
-CLOUD_PLOTS: dict[str, Callable[[CloudResult], Figure]] = {
+CLOUD_PLOTS: dict[str, Callable[[Result], Figure]] = {
     "three_dimensional": three_dimensional,
     "plan": plan,
     "pair": pair,

@@ -20,7 +20,7 @@ from basset._look import BLACK, BLUE, GREEN, GREY, LOOK, ORANGE, PINK, RED
 from basset.kernels import Floats
 from saltation import statistics
 from saltation.effects.rotation import prescribed_spin
-from saltation.result import Result
+from saltation.results.result import Result
 
 __all__ = ["budget", "diffusion", "jumps", "spin", "trajectory"]
 

@@ -1,0 +1,83 @@
+"""`python -m reports.house`: the map of the packages for CONTRIBUTING, drawn from the imports as they are: reports/figures/house.png."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import grimp
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+
+from basset._look import LOOK
+
+FIGURE = Path(__file__).parent / "figures" / "house.png"
+Arrows = dict[str, set[str]]  # a part -> the parts that it imports
+
+
+def parts(package: str) -> Arrows:
+    """The files and folders right inside a package, and what each imports of the others, late imports too."""
+    graph = grimp.build_graph(package, exclude_type_checking_imports=True)
+    children = {name for name in graph.find_children(package) if not name.endswith("__main__")}
+    return {part: {other for other in children - {part} if graph.direct_import_exists(importer=part, imported=other, as_packages=True)} for part in children}
+
+
+def floors(arrows: Arrows) -> dict[str, int]:
+    """The floor of each part: 0 if it imports none of the others, else one above the highest that it imports."""
+    found: dict[str, int] = {}
+
+    def floor(part: str, above: tuple[str, ...] = ()) -> int:
+        if part in above:
+            raise ValueError(f"{' -> '.join(above)} -> {part} is a circle of imports")
+        if part not in found:
+            found[part] = 1 + max((floor(other, (*above, part)) for other in arrows[part]), default=-1)
+        return found[part]
+
+    for part in sorted(arrows):
+        floor(part)
+    return found
+
+
+def reduced(arrows: Arrows) -> Iterable[tuple[str, str]]:
+    """The arrows that no chain of other arrows implies."""
+
+    def below(part: str) -> set[str]:
+        return arrows[part].union(*(below(other) for other in arrows[part]))
+
+    for part, others in arrows.items():
+        yield from ((part, other) for other in others if not any(other in below(between) for between in others - {other}))
+
+
+def draw(package: str, axes: plt.Axes) -> None:
+    """A package: its parts by floors, folders bold, arrows downwards."""
+    arrows = parts(package)
+    rows: dict[int, list[str]] = {}
+    for part, floor in floors(arrows).items():
+        rows.setdefault(floor, []).append(part)
+    place: dict[str, tuple[float, float]] = {}
+    for floor, row in sorted(rows.items()):  # each part above the middle of what it imports
+        row.sort(key=lambda part: sum(place[other][0] for other in arrows[part]) / max(1, len(arrows[part])))
+        place |= {part: ((column + 1.0) / (len(row) + 1.0), float(floor)) for column, part in enumerate(row)}
+    for part, other in reduced(arrows):
+        axes.annotate("", place[other], place[part], arrowprops={"arrowstyle": "-|>", "color": "0.6", "lw": 0.7, "shrinkA": 7, "shrinkB": 7})
+    for part, (x, y) in place.items():
+        folder = (Path(__file__).parents[1] / part.replace(".", "/")).is_dir()
+        name = part.rpartition(".")[2] + "/" * folder
+        box = {"boxstyle": "round,pad=0.25", "fc": "#dbe9f6" if folder else "white", "ec": "0.4", "lw": 0.7}
+        axes.text(x, y, name, ha="center", va="center", fontsize=8, weight="bold" if folder else "normal", bbox=box)
+    axes.set(title=f"{package}: imports run down", xlim=(0.0, 1.0), ylim=(-0.6, max(rows) + 0.6))
+    axes.axis("off")
+
+
+def main() -> None:
+    """Draw both packages."""
+    with mpl.rc_context(LOOK):
+        figure, both = plt.subplots(1, 2, figsize=(13.0, 7.5), layout="constrained")
+        for package, axes in zip(("basset", "saltation"), both, strict=True):
+            draw(package, axes)
+        figure.savefig(FIGURE, dpi=110)
+    print(FIGURE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""What a scene costs, before it is run: work is shared out by it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from saltation.scene import Scene
+
+CHUNK = 4000  # jumps that a worker gets at a time, about half a second
+FIXED_STEP_COST = 50  # a jump at fixed steps costs about as many of the collocation's
+FLIGHT = 1.5  # d/u*, about that of a jump
+
+
+def cost_of(scene: Scene) -> float:
+    """About how many jumps' worth of time a scene takes."""
+    if scene.cloud is not None:
+        return float(scene.cloud.number * scene.end / FLIGHT)
+    if scene.run.jumps is None:
+        return CHUNK
+    return float(scene.run.jumps * (1 if scene.solver.method == "collocation" else FIXED_STEP_COST))
+
+
+def form_of(scene: Scene) -> Any:
+    """What is compiled for a scene: words choose types, numbers are data."""
+    words = tuple(tuple(value for _, value in scene.options(name) if isinstance(value, str)) for name in scene.names)
+    bed = (scene.bed.rebound, scene.bed.roughness) if scene.bed is not None else None
+    return scene.names, words, scene.in_plane, scene.channel is None, scene.cloud is None, bed, scene.solver.method

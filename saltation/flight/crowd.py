@@ -1,0 +1,143 @@
+"""Many grains made ready to fly: where they set out, and the loop around `collisions.advance`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from basset._compile import placed
+from basset.kernels import Floats
+from basset.solvers import stepper
+from saltation.flight import collisions, layout, loop
+from saltation.flight.collisions import UNTIL, empty_crowd
+from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
+from saltation.flow import both
+from saltation.scene import SceneError
+
+SMALLEST_CELL = 2.0  # d
+ROUNDS = 2000  # of placing grains that would overlap anew
+COARSE = 1e3  # tolerance of a step between contacts that follow each other too closely
+ROUNDED = 1.0 + 1e-12  # times this, a time is not before a multiple of the interval that is the same but for rounding
+BUFFER = 4096  # rows of jumps and of encounters between two visits of the caller
+GOES_ON = (layout.REST, layout.ALOFT, collisions.JUMPS_FULL, collisions.ENCOUNTERS_FULL)  # after which a run does
+
+
+def starts(engine: Engine) -> tuple[Floats, Floats, Floats]:
+    """Positions, velocities and spins (grain, 3) of a cloud that sets out: random, without overlap, a function of the seed."""
+    scene = engine.scene
+    cloud, (length, width, height), first = scene.grains, scene.box, engine.first()
+    number = cloud.number
+    rng = np.random.Generator(np.random.Philox(scene.run.seed))
+    scale = np.array([length, 0.0 if scene.in_plane else width, height])
+    lowest = np.array([0.0, 0.0, first.position[2]])
+    places = lowest + scale * rng.random((number, 3))
+    fold = np.array([length, width, 0.0]) if cloud.boundary == "periodic" and not scene.in_plane else np.array([length, 0.0, 0.0])
+    if cloud.boundary == "open":
+        fold[:] = 0.0
+    for _ in range(ROUNDS):
+        pairs = cKDTree(places, boxsize=fold).query_pairs(1.0 + 1e-9, output_type="ndarray")
+        if not len(pairs):
+            break
+        again = np.unique(pairs.max(axis=1))
+        places[again] = lowest + scale * rng.random((len(again), 3))
+    else:
+        raise SceneError(f"cloud.concentration = {cloud.concentration:g} is too high: no room for {number} grains that do not touch")
+    velocities = np.array(first.velocity) + cloud.spread * rng.standard_normal((number, 3))
+    if scene.in_plane:
+        velocities[:, 1] = 0.0
+    return places, velocities, np.tile(first.spin, (number, 1))
+
+
+class Cloud:
+    """A cloud under way: all its grains as plain arrays, advanced as far as asked."""
+
+    def __init__(self, engine: Engine, grains: range | None = None) -> None:
+        """All grains, or some neighbouring ones: without encounters each flies as it would among all."""
+        self.engine = engine
+        scene, d, members = engine.scene, engine.dimensions, engine.members
+        self.grains = range(scene.grains.number) if grains is None else grains
+        number, stages = len(self.grains), engine.tables.count
+        self.crowd = empty_crowd(number, engine.states, members, len(engine.rates), stages)
+        crowd = self.crowd
+        for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
+            crowd.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
+            crowd.spin[i, :3] = spin
+            crowd.flight[i, [layout.X, layout.Y, layout.Z]] = position
+            crowd.flight[i, layout.TOP] = position[2]
+            crowd.flight[i, [layout.U, layout.V, layout.W]] = velocity
+        crowd.jump[:] = crowd.y[:, d : d + members]
+        crowd.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        crowd.numbers[:, stepper.REFUSED] = NEVER
+        crowd.spin[:, 3] = [loop.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
+        self.world = self._world() if "encounters" in scene.names else None
+        cells = self.world.along * self.world.across if self.world is not None else 0
+        self.heads = np.full(cells, -1, dtype=np.int32)
+        rows = max(BUFFER, number // 4)
+        jumps, owners = np.zeros((rows, len(layout.COLUMNS))), np.zeros(rows, dtype=np.int32)
+        self.logs = collisions.Logs(
+            jumps, owners, np.zeros((BUFFER if self.world is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
+        )
+        hand = Grain(engine)  # whose state any of them takes in turn
+        problem = engine.problem._replace(end=math.inf)
+        given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), hand.state, hand.spin, hand.flight, hand.values)
+        self.steps, self.kept = engine.steps(*given, empty_record(0, stages, engine.states), jumps, problem=problem)
+        coarse = problem._replace(rtol=COARSE * problem.rtol, atol=COARSE * problem.atol)
+        whole = self.steps.flight.parts
+        rough, self.kept_too = engine.attempt(whole, coarse)
+        self.parts = placed(collisions.Parts(self.steps, rough))
+        states, velocities = (whole.room.polynomial, np.zeros_like(whole.room.polynomial)), np.zeros((2, stages, 3))
+        self.courses = tuple(placed(collisions.Course(*arrays)) for arrays in zip(states, velocities, strict=True))
+        self.given = placed(self.world) if self.world is not None else None, placed(crowd), self.heads
+
+    def _world(self) -> collisions.World:
+        scene = self.engine.scene
+        options, (length, width, _) = scene.options("encounters"), scene.box
+        cell = max(SMALLEST_CELL, math.sqrt(length * width / scene.grains.number))
+        along, across = max(1, int(length / cell)), 1 if scene.in_plane else max(1, int(width / cell))
+        periodic = scene.grains.boundary == "periodic"
+        ends = (length if periodic else math.inf, width if periodic and not scene.in_plane else math.inf)
+        law = (options.restitution, options.friction, options.slowest, options.pile_up)
+        return collisions.World(*ends, length / along, width / across, along, across, *law)
+
+    def advance(self, until: float, samples: collisions.Samples) -> Iterator[tuple[int, Any]]:
+        """Fly up to `until`: yields (code, grain) for every grain that leaves the run and (code, rows) when a log is full.
+
+        The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
+        """
+        tables, numbers, count, world = self.engine.tables, self.crowd.numbers, self.logs.count, self.world
+        log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
+        while True:
+            code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
+            grain = int(count[2])
+            if code == stepper.TABLE:
+                tables.fill(odd, numbers[grain])
+                continue
+            if code == UNTIL:
+                collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
+            elif code not in GOES_ON and world is not None:  # nobody is behind the grain that stopped the run
+                collisions.flush(self.parts, *self.given[:2], samples, float(self.crowd.clock[grain]) * ROUNDED)
+            yield code, grain
+            if code not in GOES_ON:
+                return
+
+    def arrays(self) -> dict[str, Any]:
+        """All that changes while grains fly."""
+        return self.crowd._asdict() | {"heads": self.heads, "count": self.logs.count}
+
+    def tabulate(self) -> None:
+        """Make the tables of the steps in hand: in a run that goes on, another process had them."""
+        tables = self.engine.tables
+        has_a_step = (collisions.STEP_END, collisions.IMPACT, collisions.KINK, collisions.ENCOUNTER, collisions.SEEK)
+        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, has_a_step)]:
+            if tables.tables.sizes[int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])] != numbers[stepper.STEP]:
+                tables.fill(self.steps.flight.parts.odd, numbers)
+
+    def speed_of(self, grain: int) -> float:
+        """Speed of a grain along the stream, V."""
+        d = self.engine.dimensions
+        y = self.crowd.y[grain]
+        return float(y[d] + both(self.engine.profile, y[d - 1])[0])

@@ -1,0 +1,79 @@
+"""What a flight is made of: the places and tables that compiled code and the rest of the simulator have in common."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from basset.kernels import Floats
+
+SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones are none
+
+# why `fly` came back, beside the codes of basset's march
+JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
+
+# places in `flight`
+START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+
+# columns of the table of jumps, as recorded: takeoff, flight, impact
+COLUMNS = (
+    "start", "x", "y", "z", "u", "v", "w", "duration", "length", "drift", "rise", "turned",
+    "u_in", "v_in", "w_in", "normal_speed", "tilt", "clipped", "impulse_x", "impulse_y", "impulse_z", "contacts",
+    "spin_x", "spin_y", "spin_z",
+)  # fmt: skip
+
+# columns of the table of encounters: n from the first grain to the second
+ENCOUNTER_COLUMNS = (
+    "time", "first", "second", "x", "y", "z", "n_x", "n_y", "n_z", "distance", "restitution",
+    "first_u", "first_v", "first_w", "second_u", "second_v", "second_w",
+    "first_spin_x", "first_spin_y", "first_spin_z", "second_spin_x", "second_spin_y", "second_spin_z",
+    "first_u_after", "first_v_after", "first_w_after", "second_u_after", "second_v_after", "second_w_after",
+    "first_spin_x_after", "first_spin_y_after", "first_spin_z_after", "second_spin_x_after", "second_spin_y_after", "second_spin_z_after",
+    "impulse_x", "impulse_y", "impulse_z",
+)  # fmt: skip
+
+IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
+
+
+class Model(NamedTuple):
+    """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3).
+
+    `kinks` (d, rising): heights of the centre at which rates have a kink: the stream begins at the lower lift point, the centre, the
+    upper lift point; without lift, three times at the centre.
+    """
+
+    rates: Any
+    profile: Any
+    kinks: tuple[float, float, float]
+    dimensions: int
+    spins: int
+
+
+class Bed(NamedTuple):
+    """Rebound, to be called; roughness, the highest contact (−∞ where there is no bed), and who draws."""
+
+    rebound: Any
+    roughness: Any
+    highest: float
+    seed: int
+    grain: int
+
+
+class Memory(NamedTuple):
+    """What the memory does at an impact, how long it holds; for a memory of so many jumps what came before each of them (jump, memory, terms) and
+    when that was (jump,), both empty without such a limit.
+    """
+
+    rebound: int
+    horizon: float
+    before: Floats
+    when: Floats
+
+
+class Limits(NamedTuple):
+    """A flight this long never comes down; flights this short, so many in a row, are rest."""
+
+    longest: float
+    shortest: float
+    patience: float
+    seal: float  # jumps wanted in all
+    prescribed: int  # contacts do not turn the grain where 1

@@ -1,0 +1,193 @@
+"""The tables of a scene, in SI units, with what each field means; those of the effects are in `saltation/effects`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from basset import _validate
+from saltation._tables import Table
+from saltation.bed.rebound import REBOUNDS
+from saltation.bed.roughness import READINGS, ROUGHNESS
+from saltation.flow import PROFILES, REGIMES, VON_KARMAN
+
+__all__ = ["Bed", "Channel", "Chosen", "Cloud", "Fluid", "Grain", "Run", "SceneError", "Solver", "Start"]
+
+
+class SceneError(ValueError):
+    """A scene that cannot be simulated; the message is one sentence.
+
+    Examples
+    --------
+    >>> import saltation
+    >>> try:
+    ...     saltation.load("sandy.toml")
+    ... except SceneError as error:
+    ...     print(str(error).partition(";")[0])
+    scene 'sandy.toml' does not exist
+    """
+
+
+def _one_of(options: Any) -> BeforeValidator:
+    """A string from `options`, with a suggestion."""
+
+    def check(value: Any) -> Any:
+        if value not in options:
+            names = ", ".join(repr(name) for name in options)
+            hint = _validate.suggestion(value, options) if isinstance(value, str) else ""
+            raise ValueError(f"must be one of {names}, got {_validate.shown(value)}{hint}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def _restitution(value: Any) -> Any:
+    if isinstance(value, str):
+        if value not in ("set1", "stokes"):
+            raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {value!r}{_validate.suggestion(value, ('set1', 'stokes'))}")
+    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 1.0:
+        raise ValueError(f"must be a number from 0 to 1, 'set1' or 'stokes', got {_validate.shown(value)}")
+    return value
+
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class Fluid(Table):
+    """The fluid."""
+
+    density: float = Field(1000.0, gt=0.0, description="kg/m3")
+    viscosity: float = Field(1.0e-6, gt=0.0, description="kinematic, m2/s")
+
+
+class Grain(Table):
+    """The grain, a sphere."""
+
+    density: float = Field(2650.0, gt=0.0, description="kg/m3")
+    diameter: float = Field(gt=0.0, description="m")
+
+
+class Channel(Table):
+    """The stream; leave the table out for still water."""
+
+    transport_stage: float | None = Field(None, gt=0.0, description="τ*/τ*c, dimensionless; or give shear_velocity")
+    shear_velocity: float | None = Field(None, gt=0.0, description="u*, m/s; or give transport_stage")
+    slope: float = Field(0.0, gt=-1.0, lt=1.0, description="tangent of the bed's angle, dimensionless")
+    profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
+    roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
+    von_karman: float = Field(VON_KARMAN, gt=0.0, lt=1.0, description="κ, dimensionless")
+
+    @model_validator(mode="after")
+    def _one_velocity(self) -> Channel:
+        if (self.transport_stage is None) == (self.shear_velocity is None):
+            raise ValueError("needs either transport_stage or shear_velocity (m/s), and not both")
+        return self
+
+
+class Bed(Table):
+    """The bed; leave the table out where there is none."""
+
+    rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
+    roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
+    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="how contact angles beyond 30° are read: " + ", ".join(READINGS))
+    smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
+    span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
+    restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
+        0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
+    )
+    friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
+    tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
+    contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
+
+    @model_validator(mode="after")
+    def _right_friction(self) -> Bed:
+        if self.rebound == "garcia_nino":
+            if self.tangential_retention is None:
+                raise ValueError("tangential_retention is missing: rebound = 'garcia_nino' keeps a share from 0 to 1 of the tangential velocity")
+            if self.friction is not None:
+                raise ValueError("friction is Coulomb's and has no place in rebound = 'garcia_nino': give tangential_retention alone")
+        else:
+            if self.friction is None:
+                raise ValueError(f"friction is missing: rebound = {self.rebound!r} needs Coulomb's coefficient, 0 or greater")
+            if self.tangential_retention is not None:
+                raise ValueError(f"tangential_retention has no place in rebound = {self.rebound!r}: give friction alone")
+        return self
+
+
+class Start(Table):
+    """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
+
+    velocity: Vector | None = Field(None, description="x, y, z in m/s")
+    spin: Vector | None = Field(None, description="x, y, z in rad/s")
+    height: float | None = Field(None, gt=0.0, description="of the grain's centre above the bed level, m")
+
+
+class Solver(Table):
+    """How flights are integrated."""
+
+    method: Literal["collocation", "fixed_step", "runge_kutta_4"] = Field("collocation", description="graded collocation, or fixed steps")
+    rtol: float = Field(
+        1.0e-5,
+        ge=1e-10,
+        le=1e-2,
+        description="error that one flight adds to a jump's height, length and duration, over the larger of it and the mean jump, dimensionless (collocation)",
+    )
+    dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
+
+    @model_validator(mode="after")
+    def _step(self) -> Solver:
+        if self.method == "collocation" and self.dt is not None:
+            raise ValueError("dt belongs to method = 'fixed_step' or 'runge_kutta_4': collocation chooses its steps by rtol")
+        if self.method != "collocation" and self.dt is None:
+            raise ValueError(f"dt is missing: method = {self.method!r} needs a step in units of d/u*, such as 1e-3")
+        return self
+
+
+class Cloud(Table):
+    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
+
+    number: int = Field(ge=1, le=10**7, description="number of grains")
+    concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over the volume that their first centres span")
+    layer: float | None = Field(None, gt=0.0, description="height of that volume, m; default two diameters")
+    boundary: Literal["periodic", "open"] = Field("periodic", description="of the area over which they set out, for encounters")
+    spread: float = Field(0.1, ge=0.0, description="standard deviation of the first velocities' components about start.velocity, in units of u*")
+    interval: float = Field(0.1, gt=0.0, description="between two kept positions, in units of d/u*")
+
+
+class Run(Table):
+    """How long, and which random numbers."""
+
+    jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
+    duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
+    discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
+    seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
+    longest_flight: float | None = Field(
+        None, gt=0.0, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
+    )
+    trajectory: bool = Field(True, description="whether the path is kept")
+
+    @model_validator(mode="after")
+    def _length(self) -> Run:
+        if (self.jumps is None) == (self.duration is None):
+            raise ValueError("needs either jumps or duration (s), and not both")
+        if self.jumps is not None and self.discard >= self.jumps:
+            raise ValueError(f"discard must be smaller than jumps = {self.jumps}, got {self.discard}")
+        return self
+
+
+class Chosen(Table):
+    """How effects = "auto" came to the effects."""
+
+    of: str = Field(description="the key of the scene that said 'auto'")
+    tolerance: float = Field(description="relative, of mean H, L and ū (dimensionless)")
+    status: str = Field(description="of the run with all effects: if it did not finish, all are kept")
+    kept: list[str] = Field(description="the effects of the scene")
+    left_out: list[str] = Field(description="those that it can do without")
+    full: dict[str, float] = Field(description="mean height (d), length (d), velocity (u*) with all effects")
+    chosen: dict[str, float] = Field(description="the same with those that are kept (d, d, u*)")
+    bounds: dict[str, float | str] = Field(
+        description="largest relative change of them without each effect that is not ruled out (95 %, dimensionless), or why none"
+    )
+    tried: list[dict[str, Any]] = Field(description="what was left out together, with its bound (dimensionless)")
+    jumps: int = Field(description="jumps flown to find out")

@@ -1,0 +1,280 @@
+"""Which effects a scene calls for: told from its dimensionless numbers, measured by leaving each out, chosen within a tolerance.
+
+A force is judged in a typical jump of the published regressions, by its own formula: what is estimated is what would be
+computed. `ablate` measures, `choose` decides by measurement.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from basset import measure
+from saltation import regressions
+from saltation._keys import key_of
+from saltation.effects import EFFECTS
+from saltation.effects.base import Setting, Situation
+from saltation.effects.rotation import prescribed_spin
+from saltation.flow import both
+from saltation.scene import Scene, SceneError
+from saltation.simulation import run
+from saltation.study import cases
+from saltation.study.cases import VARIABLES, Progress, compare, enough, flown, fly, listed, require_bed, without
+
+__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "typical"]
+
+MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
+TIMED = 100  # jumps of a timed run
+BOUND = 1.96  # standard errors
+TOLERANCE = 0.05  # of a choice, unless the scene gives one
+SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
+SMOOTH = 5.0  # k_s+: up to here a bed is smooth
+NEEDED = ("weight",)  # without it nothing comes down
+PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What an effect does in a typical jump: is it in the scene, its share of the weight (1 for a prescribed spin), a word, why, and whose formula."""
+
+    effect: str
+    present: bool
+    share: float
+    verdict: str
+    reason: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Typical:
+    """A typical jump."""
+
+    height: float  # d
+    duration: float  # d/V
+    rise: float  # V, at takeoff, upwards
+    speed: float  # V, mean along the stream
+    spin: float  # V/d
+
+
+def typical(scene: Scene) -> Typical:
+    """The jump that the means of `saltation.regressions` give at the scene's R_p and T (at least T = 1.2); in still water one diameter high."""
+    numbers = scene.numbers
+    if not math.isfinite(numbers.shields):
+        raise SceneError(f"grain.density must differ from the fluid's for a typical jump, got {scene.grain.density:g} kg/m3 for both")
+    height, speed, spin = 1.0, 0.0, 0.0
+    if numbers.stage is not None:
+        stage = max(numbers.stage, 1.2)
+        found = [regression(numbers.particle_reynolds, stage) for regression in regressions.REGRESSIONS.values()]
+        height, speed = (float(np.mean([getattr(jump, name) for jump in found])) for name in ("height", "speed"))
+        spin = max(1.0, prescribed_spin(stage))
+    fall = numbers.alpha / abs(numbers.shields)
+    rise = math.sqrt(2.0 * fall * height)
+    return Typical(height, 2.0 * rise / fall, rise, speed, spin)
+
+
+def advise(scene: Scene) -> list[Verdict]:
+    """Which effects a scene calls for, from its dimensionless numbers alone: one verdict per effect known.
+
+    The share is the force over the submerged weight, root mean square over a typical jump; for history the mean of c·Δ·K over the jump, Δ twice the
+    takeoff speed; for added mass its share of the inertia; for rotation what the spin loses in a jump; for encounters their number per jump.
+
+    >>> import saltation
+    >>> {row.effect: row.verdict for row in advise(saltation.load("sand"))}["history"]
+    'keep'
+    """
+    jump, numbers = typical(scene), scene.numbers
+    setting = Setting(numbers, scene.profile)
+    weight = 1.0 / abs(numbers.shields)
+    verdicts = []
+    for name, module in EFFECTS.items():
+        share, reason = _share(scene, name, module, setting, jump, weight)
+        word = "needed" if name in NEEDED else "keep" if share >= MATTERS else "try without" if share >= MINOR else "leave out"
+        verdicts.append(Verdict(name, name in scene.names, share, word, reason, module.SOURCE))
+    return verdicts
+
+
+def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical, weight: float) -> tuple[float, str]:
+    """(share, reason) of one effect."""
+    numbers = setting.numbers
+    options = scene.options(name)
+    if name == "weight":
+        return 1.0, f"τ* = {numbers.shields:.3g}: without weight nothing comes down"
+    if name == "history":
+        change = 2.0 * jump.rise
+        share = numbers.history * change * 2.0 / math.sqrt(jump.duration) / (numbers.alpha * weight)
+        text = f"c = {numbers.history:.3g} (9α/√(π Re*), Re* = {numbers.reynolds:.3g})"
+        return share, f"{text}: the rebound's slip jump of {change:.2g} V over {jump.duration:.2g} d/V"
+    if name == "added_mass":
+        share = options.coefficient / (numbers.density_ratio + options.coefficient)
+        return share, f"C_m/(ρ_s/ρ + C_m) with ρ_s/ρ = {numbers.density_ratio:.3g}: share of the inertia"
+    if name == "encounters":
+        if scene.cloud is None:
+            return 0.0, "a single grain meets nobody"
+        often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
+        return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
+    built = module.build(options, setting)
+    situations = [_situation(scene, jump, *phase) for phase in PHASES]
+    if name == "rotation":
+        if built is None:
+            return 1.0, "the spin is prescribed"
+        loss = max(abs(built.torque(s)[1]) for s in situations) * jump.duration / max(jump.spin, 1e-300)
+        if loss >= 1.0:
+            return 1.0, f"friction takes the spin within {jump.duration / loss:.2g} d/V, in a jump of {jump.duration:.2g} d/V all of it"
+        return loss, f"in a jump of {jump.duration:.2g} d/V friction changes the spin by {loss:.1%}"
+    if built is None:
+        return 0.0, "no force in this form"
+    forces = np.array([built.force(s) for s in situations])
+    share = float(np.sqrt((forces**2).sum(axis=1).mean())) / weight
+    return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
+
+
+def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:
+    """The grain in its typical jump."""
+    z = 0.75 + where * jump.height
+    stream, shear = both(scene.profile, z)
+    return Situation(z, jump.speed - stream, 0.0, jump.rise * (1.0 - 2.0 * when), stream, shear, 0.0, jump.spin, 0.0)
+
+
+# Leaving out
+
+
+def ablate(scene: Scene, executor: Executor | None = None, *, error: float = 0.01, progress: Progress | None = None) -> pd.DataFrame:
+    """Run a scene with each of its effects left out, one at a time, all with the scene's seed; it needs a bed.
+
+    `error`: wanted relative standard error of the mean height, which decides how many jumps are flown (20 000 at most); a scene that runs for a time is flown
+    as long as it says. Rows "full" and the effects that can be left out; columns status, jumps, height (d), length (d), velocity (u*), of each its
+    relative `_change` against the full scene and the `_error` (one standard error) of that (in the first row of its own mean), and time: seconds per jump
+    over those of the full scene (NaN for runs for a time, and for those that do not finish).
+    """
+    scenes = reduced(scene)
+    table = compare(enough(scenes, error, executor, progress)[0])
+    table["time"] = costs({name: scenes[name] for name in table.index})
+    return table
+
+
+def reduced(scene: Scene) -> dict[str, Scene]:
+    """The full scene, and without each of its effects that can be left out."""
+    require_bed(scene)
+    full = listed(scene)
+    scenes = {"full": full}
+    for name in full.names:
+        with contextlib.suppress(SceneError):  # what is left makes no scene
+            scenes[name] = without(full, [name])
+    return scenes
+
+
+def costs(scenes: dict[str, Scene]) -> pd.Series:
+    """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
+    found = pd.Series(math.nan, index=list(scenes))
+    if all(scene.run.jumps is not None for scene in scenes.values()):
+        timed = {name: scene.changed(run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
+        finish = {name: partial(run, scene) for name, scene in timed.items() if run(scene).status == "finished"}
+        found.update(pd.Series(measure.interleaved(finish, rounds=5, patience=60.0), dtype=float))
+    return found / found.iloc[0]
+
+
+def nearest(row: pd.Series) -> float:
+    """Largest relative change of H, L or ū as found; infinite where it jumps no more."""
+    changes = [abs(row[f"{name}_change"]) for name in VARIABLES]
+    return float(max(changes)) if row["status"] == "finished" and np.isfinite(changes).all() else math.inf
+
+
+def bound(row: pd.Series) -> float:
+    """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
+    bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
+    return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
+
+
+def choose(scene: Scene, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Scene:
+    """The scene with few effects: those that keep its mean H, L and ū within a relative tolerance (default the scene's, or 0.05) of those with all of them.
+
+    Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out together; while that is too
+    much, the one that changes most is put back. What can only then be left out is tried last. A bound is that of one look: looking again and at many effects
+    makes a wrong one likelier than 5 %, for changes next to the tolerance. The same scene always comes to the same choice. A scene that does not
+    finish with all its effects keeps them. The field `chosen` of what is returned holds the evidence.
+    """
+    if tolerance is None:
+        tolerance = scene.tolerance or TOLERANCE
+    if not 0.0 < tolerance <= 0.5:
+        raise ValueError(f"tolerance must be above 0 and at most 0.5, got {tolerance!r}")
+    scenes = reduced(scene)
+    full = scenes["full"]
+    raw, count, total = enough(scenes, SHARPNESS * tolerance, executor, progress)
+    tried: list[dict[str, Any]] = []
+
+    def settled(raw: pd.DataFrame, scenes: dict[str, Scene]) -> pd.DataFrame:
+        """The comparison, what is undecided flown with more and more jumps."""
+        nonlocal total
+        jumps = count
+        while True:
+            table = compare(raw)
+            undecided = {name: made for name, made in scenes.items() if nearest(table.loc[name]) <= tolerance < bound(table.loc[name])}
+            if not undecided or jumps >= cases.MOST or full.run.jumps is None:
+                return table
+            jumps = min(cases.MOST, 4 * jumps)
+            more = fly({"full": full} | undecided, jumps, executor, None)
+            total += flown(more, full)
+            raw = pd.concat([more, raw.drop(more.index)]).loc[raw.index]
+
+    table = settled(raw, {name: made for name, made in scenes.items() if name != "full"})
+    rows = {str(name): row for name, row in table.iterrows()}
+
+    def fits(names: list[str]) -> bool:
+        """Whether the scene can do without all of them."""
+        nonlocal total
+        if len(names) == 1 and names[0] in rows:
+            last = rows[names[0]]
+        else:
+            try:
+                trial = {"chosen": without(full, names)}
+            except SceneError:  # what is left makes no scene
+                return False
+            flight = fly(trial, count, executor, None)
+            total += flown(flight, full)
+            last = settled(pd.concat([raw.iloc[:1], flight]), trial).iloc[1]
+            tried.append({"left_out": list(names), "bound": shown(last)})
+        if bound(last) <= tolerance:
+            rows["chosen"] = last
+        return bound(last) <= tolerance
+
+    left_out: list[str] = []
+    if rows["full"]["status"] == "finished" and rows["full"]["jumps"] > 0:
+        bounds = {name: bound(row) for name, row in rows.items() if name != "full" and name not in NEEDED}
+        left_out = sorted((name for name, value in bounds.items() if value <= tolerance), key=bounds.__getitem__)
+        while left_out and not fits(left_out):
+            left_out.pop()
+        for name in full.names:  # what nothing needs any more
+            if left_out and name not in rows and name not in NEEDED and fits([*left_out, name]):
+                left_out.append(name)
+    chosen = without(full, left_out)
+    evidence = {
+        "of": key_of(scene),
+        "tolerance": tolerance,
+        "status": str(rows["full"]["status"]),
+        "left_out": left_out,
+        "kept": list(chosen.names),
+        "full": means(rows["full"]),
+        "chosen": means(rows["chosen"] if left_out else rows["full"]),
+        "bounds": {str(name): shown(row) for name, row in table.iloc[1:].iterrows()},
+        "tried": tried,
+        "jumps": total,
+    }
+    return chosen.changed(chosen=evidence)
+
+
+def means(row: pd.Series) -> dict[str, float]:
+    """Mean H, L and ū, as far as there are any."""
+    return {name: float(row[name]) for name in VARIABLES if math.isfinite(row[name])}
+
+
+def shown(row: pd.Series) -> float | str:
+    """The bound, or why there is none."""
+    value = bound(row)
+    return value if math.isfinite(value) else "no jumps" if row["status"] == "finished" else str(row["status"])
