@@ -94,7 +94,7 @@ def combined(here: Floats, sides: Sequence[tuple[Floats, Floats]], places: Seque
 def mean(surfaces: Sequence[Surface], rate: Rate, t: float, y: Floats) -> Floats:
     """The rate in the layers of `surfaces`."""
     found = [place for place in (surface.located(rate, t, y) for surface in surfaces) if place is not None]
-    return combined(rate(t, y), [sides for _, *sides in found], [place for place, *_ in found])
+    return combined(rate(t, y), [(before, after) for _, before, after in found], [place for place, *_ in found])
 
 
 def balanced(surfaces: Sequence[Surface], rate: Rate, pull: Floats, t: float, y: Floats) -> Floats:
@@ -114,7 +114,7 @@ def balanced(surfaces: Sequence[Surface], rate: Rate, pull: Floats, t: float, y:
     if not np.isfinite(drifts).all() or np.linalg.matrix_rank(drifts[1:] - drifts[0]) < len(surfaces):
         return y
     wanted = np.clip(np.linalg.solve((drifts[1:] - drifts[0]).T, -drifts[0]), -1.0, 1.0)
-    return y + sum((place - goal) * surface.half for place, goal, surface in zip(places, wanted, surfaces, strict=True))
+    return np.asarray(y + (places - wanted) @ np.array([surface.half for surface in surfaces]))
 
 
 def swings(velocity: Rate, t: float, y: Floats, step: float, kept: Callable[[Floats], Floats]) -> tuple[Floats, bool]:
