@@ -201,8 +201,14 @@ def subject_of(name: str, kind: str, step: float | None, variable: str | None, i
     return comparison.of_problem(PROBLEMS[name])
 
 
+def known(ctx: click.Context, parameter: click.Parameter, scheme: str) -> str:
+    """The scheme; refused before what else is missing."""
+    basset.SCHEMES[scheme]
+    return scheme
+
+
 @main.command()
-@click.argument("scheme")
+@click.argument("scheme", is_eager=True, callback=known)
 @click.option("--steps", type=int, required=True, help="n: there are n + 1 weights.")
 @click.option("--dt", type=float, default=1.0, show_default=True, help="Step in seconds.")
 @click.option("--order", type=int, help="Degree of the polynomials: daitche, exponential, windowed.")

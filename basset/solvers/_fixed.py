@@ -83,7 +83,7 @@ class Stream(NamedTuple):
 
 class State(NamedTuple):
     """What changes: states; rates of the running stretch, newest first, (rate, state); for samples of slips their offset from the states
-    and c∫K y at the newest node; the newest five rates of the path and what of them alternated before; state and rate before the newest
+    and ∫K y at the newest node; the newest five rates of the path and what of them alternated before; state and rate before the newest
     step; numbers.
     """
 
@@ -196,7 +196,7 @@ def residual(parts, room, unknown, left):
             total, place = past[i, b], where[b]
             for j in range(count):
                 total += inner[i, j] * (unknown[j * n + place] - offset[b])
-            left[i * n + place] += strength[b] * total - stored[b]
+            left[i * n + place] += strength[b] * (total - stored[b])
     return True
 
 
@@ -382,7 +382,7 @@ def advance(parts, room, j):
         accept_sample(parts.stream, sample, room.tail)
     if kind == SLIPS:
         for b in range(len(where)):
-            state.stored[b] = e.strength[b] * parts.stream.history[b]
+            state.stored[b] = parts.stream.history[b]
     record.times[row] = grid.end if node == grid.nodes else grid.start + dt * node
     numbers[NODE], numbers[DONE], numbers[KNOWN] = node, row + 1, min(known + 1, len(recent))
 
@@ -460,11 +460,12 @@ class Look(NamedTuple):
     m: events.Motion
     found: events.Events
     history: Floats
+    earlier: Floats  # ∫K y at the node before where samples are slips, else nothing
     y: Floats
     values: Floats  # of the event functions at the newest node, and the one before: (2, event)
     after: Floats  # (state,)
     still: Floats
-    moment: float
+    dt: float
 
 
 @shared
@@ -490,6 +491,9 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
     count, logged, leaps = 0, found.logged[0], False
     for b in range(len(parts.history)):
         m.past[b, 0] = parts.history[b]
+        if len(parts.earlier) > 0:
+            m.past[b, 0] = (parts.history[b] - parts.earlier[b]) / parts.dt
+            parts.earlier[b] = parts.history[b]
     for k in range(len(found.side)):
         values[1, k] = values[0, k]
         values[0, k] = events.value(m, found, k, t, parts.y)
@@ -502,7 +506,7 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
                 leaps = leaps or found.leaps[k]
         if count > 0:
             found.count[0] = count
-            status = events.fire(m, found, t, parts.y, parts.after, parts.still, parts.moment)
+            status = events.fire(m, found, t, parts.y, parts.after, parts.still, 1.5 * parts.dt)
             if status != events.PASSED:
                 out[0] = STOPPED if status == events.TERMINAL else LYING
             elif leaps or 2 * found.logged[0] > len(found.log_times):

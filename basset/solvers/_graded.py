@@ -29,6 +29,7 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 FOLLOWING = 4.0  # times the error of a singular step: with a kernel that follows the slip the solution has powers of √t that its polynomial has not
 PATIENCE = 4  # looks for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
+SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
 CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
 SLIDING = (
     "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun, or crosses it ever faster, and cannot be followed there; "
@@ -270,7 +271,7 @@ class Integration:
                 code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.LYING}[status]
                 if record.leapt[0]:
                     t = float(numbers[stepper.TIME])
-                    self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self.task.rate, t, state.y)])
+                    self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self._one_side, t, state.y)])
                     numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
                 elif surface is not None:
                     self._leave(surface)
@@ -282,7 +283,17 @@ class Integration:
 
     def _rate(self, t: float, y: Floats) -> Floats:
         """The rate without history, on a surface that the state slides along a mean of both sides."""
-        return _sliding.mean(self.surfaces, self.task.rate, t, y) if self.surfaces else self.task.rate(t, y)
+        return _sliding.mean(self.surfaces, self._one_side, t, y) if self.surfaces else self._one_side(t, y)
+
+    def _one_side(self, t: float, y: Floats) -> Floats:
+        """The rate without history as `fun` gives it, from within the running stretch."""
+        return self.task.rate(min(max(t, self.problem.first), self.problem.last), y)
+
+    def _pull(self, t: float) -> Floats:
+        """The history's part of the rates, had nothing happened since the step's start."""
+        result = np.zeros(len(self.state.y))
+        result[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, -self.task.coefficient) * self._memory(t)
+        return result
 
     def _fades(self) -> bool:
         """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
@@ -319,17 +330,20 @@ class Integration:
         if self.beyond is not None:  # differences across the jump are no derivatives
             h = float(numbers[stepper.STEP])
             place = self.state.y + 1e-4 * h * self.beyond
-            here, t = self.task.rate(float(numbers[stepper.TIME]), place), float(numbers[stepper.TIME])
+            here, t = self._one_side(float(numbers[stepper.TIME]), place), float(numbers[stepper.TIME])
             for j in range(len(place)):
                 shifted = place.copy()
                 shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
-                self.state.jacobian[:, j] = (self.task.rate(t, shifted) - here) / (shifted[j] - place[j])
+                self.state.jacobian[:, j] = (self._one_side(t, shifted) - here) / (shifted[j] - place[j])
             numbers[stepper.KNOWN], self.beyond = 1.0, None
         return True
 
     def _begin(self, most: float) -> None:
         """Start anew here: fun goes on otherwise, the state does not jump."""
         numbers = self.state.numbers
+        if self.surfaces:  # else the way to where it stays counts as an error of the step
+            t = float(numbers[stepper.TIME])
+            self.state.y[:] = _sliding.balanced(self.surfaces, self._one_side, self._pull(t), t, self.state.y)
         numbers[stepper.SMOOTH] = numbers[stepper.KNOWN] = numbers[stepper.REFUSED] = 0.0
         numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
         numbers[stepper.JUMPED] = numbers[stepper.TIME]
@@ -364,12 +378,21 @@ class Integration:
 
     def _crosses(self) -> bool:
         """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
-        t, y, memory, floor = float(self.state.numbers[stepper.TIME]), self.state.y, np.zeros(len(self.state.y)), self.problem.floor
-        memory[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, self.task.coefficient) * self._memory(t)
+        t, y, floor = float(self.state.numbers[stepper.TIME]), self.state.y, self.problem.floor
+        pull = self._pull(t)
         try:
-            velocity = self._rate(t, y) - memory
+            velocity = self._rate(t, y) + pull
             start = y if velocity.any() else y + 1e-2 * (self.problem.atol + self.problem.rtol * np.abs(y))  # sign(0): beside it
-            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) - memory, t, start, 2.0 * floor)
+            places = [found and found[0] for found in (surface.located(self._one_side, t, start) for surface in self.surfaces)]
+
+            def kept(state: Floats) -> Floats:
+                for surface, place in zip(self.surfaces, places, strict=True):
+                    found = surface.located(self._one_side, t, state)
+                    if found is not None and place is not None:
+                        state = state + (found[0] - place) * surface.half
+                return state
+
+            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) + pull, t, start, 2.0 * floor, kept)
             if back or not (jump.any() and velocity.any()):
                 self.thrown = back and not self._slide(jump)
                 return back and not self.thrown
@@ -390,11 +413,11 @@ class Integration:
         pieces = self.trace.pieces[-CREEP:]
         since, newest = pieces[0].start, pieces[-1]
         short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
-        if len(pieces) == CREEP and short and since >= self.state.numbers[stepper.JUMPED]:
+        if len(pieces) == CREEP and short and since >= self.state.numbers[stepper.JUMPED] and self.beyond is None:
             raise SolverError(SLIDING.format(since))
         for k, old in enumerate(self.surfaces):
             new = self._surface(old.jump)
-            found = old.located(self.task.rate, float(self.state.numbers[stepper.TIME]), self.state.y)
+            found = old.located(self._one_side, float(self.state.numbers[stepper.TIME]), self.state.y)
             if found is not None and not 0.25 < np.abs(new.half).max() / np.abs(old.half).max() < 4.0:
                 self.state.y[:] += found[0] * (old.half - new.half)
                 self.surfaces[k], self.state.numbers[stepper.KNOWN] = new, 0.0
@@ -404,7 +427,7 @@ class Integration:
 
         def left(theta: float) -> _sliding.Surface | None:
             t, y = piece.start + theta * piece.length, piece.values(np.array([theta]))[0]
-            return next((surface for surface in self.surfaces if not surface.holds(self.task.rate, t, y)), None)
+            return next((surface for surface in self.surfaces if not surface.holds(self._one_side, t, y)), None)
 
         low = 0.0
         for node in self.stages.c if self.surfaces else ():
@@ -441,15 +464,12 @@ class Integration:
             share = (time - t) / piece.length
             return np.asarray(piece.values(np.array([1.0 + share]))[0] if share <= 0.25 else y + (time - t) * slope)
 
-        def rates(time: float, place: Floats) -> Floats:
-            return self._rate(min(max(time, problem.first), problem.last), place)
-
         def apart(one: Floats, other: Floats) -> float:
             return float((np.abs(one - other) / scale).max())
 
         try:
             times = np.minimum(t + window * np.linspace(0.0, 1.0, 13), problem.end)
-            found = [rates(time, ahead(time)) for time in times]
+            found = [self._rate(time, ahead(time)) for time in times]
             gaps = [apart(found[k], found[k + 1]) for k in range(12)]
             k = int(np.argmax(gaps))
             low, high, before, after, earlier = float(times[k]), float(times[k + 1]), found[k], found[k + 1], gaps[k]
@@ -457,7 +477,7 @@ class Integration:
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
-                new = rates(middle, ahead(middle))
+                new = self._rate(middle, ahead(middle))
                 if apart(before, new) >= apart(new, after):
                     high, after = middle, new
                 else:
@@ -466,13 +486,17 @@ class Integration:
                     if count == 16 and apart(before, after) <= 0.25 * earlier:
                         return False
                     earlier = apart(before, after)
+            place = ahead(high)
+            moved = place != ahead(low)
+            if moved.any():  # a state may lie on the surface, and sign(0) is neither side's
+                past = high + 4.0 * float((np.spacing(np.abs(place)) / np.maximum(np.abs(slope), 1e-300))[moved].max())
+                after = self._rate(past, ahead(past)) if past - high < 1e-2 * (high - t) else after
             jump = apart(before, after)
             if not jump * window > 0.1:  # harmless
                 return False
-            place = ahead(high)
-            in_time = apart(rates(low, place), rates(high, place)) > 0.5 * jump
+            in_time = apart(self._rate(low, place), self._rate(high, place)) > 0.5 * jump
             behind = slope + after - before
-            onward = rates(high, place + max(0.01 * (high - t), 64.0 * math.ulp(high)) * behind)
+            onward = self._rate(high, place + max(0.01 * (high - t), 64.0 * math.ulp(high)) * behind)
             back = apart(onward, before) < apart(onward, after)
         except SolverError:  # fun is not finite there
             return False
@@ -485,6 +509,9 @@ class Integration:
         else:
             self._chatter(t)
             self.beyond, self.contact = behind, after - before if back else None
+            if back:  # up to where no stage lies beyond the surface: the other side would throw it back
+                moved = (after != before) & (slope != 0.0)
+                high = max(0.5 * (t + high), high - SHORT * float((scale[moved] / np.abs(slope[moved])).min(initial=math.inf) if moved.any() else 0.0))
             self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
         stretch = self.stretches[0]
         self.problem, self.bound = problem._replace(end=stretch.end, last=stretch.last), None
@@ -539,7 +566,7 @@ class Integration:
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""
         state, t = self.state, float(self.state.numbers[stepper.TIME])
-        found = surface.located(self.task.rate, t, state.y)
+        found = surface.located(self._one_side, t, state.y)
         self._set_surfaces([other for other in self.surfaces if other is not surface])
         self._begin(0.5 * (self.stretches[0].end - t))
         if found is None:

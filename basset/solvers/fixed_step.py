@@ -127,7 +127,8 @@ class _March:
         )  # fmt: skip
         self.look, _kept = self.equation.fun, None
         if task.events:
-            self.look, _kept = _fixed.look_entry(_fixed.Look(m, found, self.samples.history, y, values, after, np.empty_like(y), 1.5 * self.dt))
+            earlier = np.zeros(len(self.felt) if self.kind == _fixed.SLIPS else 0)
+            self.look, _kept = _fixed.look_entry(_fixed.Look(m, found, self.samples.history, earlier, y, values, after, np.empty_like(y), self.dt))
         while numbers[_fixed.NODE] < self.count:
             first, before, rate = int(numbers[_fixed.NODE]), y.copy(), self.rate
             code = _fixed.steps(self._parts(stop), stop)
@@ -233,13 +234,13 @@ class _March:
     def _jump(self, t: float, delta: Floats) -> None:
         """Take the state after a jump of the memory's components at the newest node."""
         memory, state = self.task.memory, self.state
-        force = self.felt * self.plan.value(self.samples)
+        history = self.plan.value(self.samples)
         rate = self._free(t, state.y)
         if self.kind == _fixed.SLIPS:
-            state.stored[:] = force
+            state.stored[:] = history
             self.plan.jump(self.samples, np.zeros_like(delta), g=state.y[memory] - state.offset)
         else:
-            rate[memory] -= force
+            rate[memory] -= self.felt * history
             self.plan.jump(self.samples, delta, g=rate[memory])
         self._anew(rate)
 

@@ -270,11 +270,12 @@ def memory_before(p: Parts, slot: int, kind: int) -> None:
 
 
 @shared
-def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float]:
-    """One Newton correction of `unknown` and the states, in place: (its size, rounding) over the tolerance."""
+def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float, float]:
+    """One Newton correction of `unknown` and the states, in place: (its size, rounding, what the step missed before) over the tolerance."""
     problem, state, room = p.problem, p.state, p.room
     states, rates, residual, lead, carry, force = room.states, room.rates, room.residual, room.lead, room.carry, room.force
     count, n = states.shape
+    missed = 0.0
     for i in range(count):
         for a in range(n):
             total = force[i, a] - rates[i, a]
@@ -286,6 +287,9 @@ def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float]:
             for k in range(count):
                 total += local[i, k] * unknown[k, place]
             residual[i * n + place] += problem.strength[a] * total
+        for a in range(n):
+            scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(states[i, a])) + 1e-300
+            missed = max(missed, state.numbers[STEP] * abs(residual[i * n + a]) / scale)
     substitute(room.matrix, room.order, residual)
     for i in range(count):
         for a in range(n):
@@ -302,7 +306,7 @@ def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float]:
                 size = change
             floor = max(floor, 4e-16 * abs(value) / scale)
             states[i, a] = value
-    return size, floor
+    return size, floor, missed
 
 
 @separate
@@ -566,17 +570,6 @@ def exceed(p: Parts, states: Floats, i: int, place: float, which: int, h: float,
 
 
 @shared
-def steepest(p: Parts) -> float:
-    """The largest |rates − force| over the tolerance."""
-    problem, y, force, rates = p.problem, p.state.y, p.room.force, p.room.rates
-    worst = 0.0
-    for i in range(len(rates)):
-        for a in range(len(y)):
-            worst = max(worst, abs(rates[i, a] - force[i, a]) / (problem.atol + problem.rtol * abs(y[a]) + 1e-300))
-    return worst
-
-
-@shared
 def newton(p: Parts) -> int:
     """Solve the stages: iterations, negative if it failed, 0 if fun was not finite."""
     numbers, values, room, y = p.state.numbers, p.values, p.room, p.state.y
@@ -587,24 +580,23 @@ def newton(p: Parts) -> int:
         room.times[i] = numbers[TIME] + p.nodes.c[i] * h
         for a in range(n):
             room.states[i, a], values[i, a] = y[a], 0.0
-    previous = math.inf
+    previous, before = math.inf, 0.0
     follows = len(p.following.values) > 0  # which the matrix does not know
     for iteration in range(1, DIAGONALLY + 1 if follows else FULLY + 1):
         if not evaluate_stages(p, h, slot, kind):
             return 0
-        size, floor = correct(p, chosen(p).local[slot, kind], values)
+        size, floor, missed = correct(p, chosen(p).local[slot, kind], values)
         if not math.isfinite(size):
             return -iteration
-        if size <= max(1e-3, floor):
-            if iteration == 1 and size > floor and h * steepest(p) > 1.0:
-                previous = size  # small, though y' is not: is that so, or is the Jacobian of another place?
-                continue
-            if iteration == 2 and size > max(0.5 * previous, 10.0 * floor):
-                return -iteration
+        # small corrections alone may be due to the Jacobian of another place, or to differences across a jump of fun
+        solved = missed <= 1.0 or size <= (floor if iteration == 1 else 10.0 * floor) or missed <= 1e-2 * before
+        if solved and size <= max(1e-3, floor):
             return iteration
+        if iteration > 1 and not solved and max(0.5 * previous, 10.0 * floor) < size <= 1e-3:
+            return -iteration
         if iteration > 2 and size > 0.9 * previous:
-            return iteration if size <= max(0.1, 10.0 * floor) else -iteration  # stalled: rounding, well below the tolerance
-        previous = size
+            return iteration if solved and size <= max(0.1, 10.0 * floor) else -iteration  # stalled: rounding, well below the tolerance
+        previous, before = size, missed
     return -FULLY
 
 

@@ -6,7 +6,7 @@ where it happens. Nobody is advanced beyond what is certain, so nothing is taken
 encounters the grains are served one after the other, and there is no search and no list.
 
 A pair's gap g = |r| − 1 falls no faster than g'(t) allows with what the step says about accelerations, because |r|'' ≥ −|a|:
-the time to the next look follows from that bound and no meeting is passed by (conservative advancement).
+the time to the next look follows from that bound and no meeting is passed by (conservative advancement, Mirtich 1996).
 
 A step's positions and slips are two polynomials that agree at the nodes only. Here a grain moves along one path per step: its
 position is the integral of its velocity, which begins with that of the state. A gap that closes does so at a rate below 0,

@@ -64,6 +64,7 @@ def three_dimensional(result: Result) -> Figure:
     encounters_of(result, "three_dimensional")
     group = group_of(result, SPAN * jump_time(result))
     figure = Figure(figsize=(9.0, 5.2))
+    unit = result.scene.numbers.unit("u*")
     figure.set_layout_engine("none")
     axes: Any = figure.add_axes((-0.02, 0.14, 1.0, 0.8), projection="3d", computed_zorder=False)
     (points, among), (lines, origin) = contact_points(result, group), paths_of(result, group)
@@ -82,7 +83,7 @@ def three_dimensional(result: Result) -> Figure:
     axes.view_init(elev=26.0, azim=-66.0)
     figure.legend(loc="lower center", ncols=4)
     figure.suptitle(
-        f"{len(lines)} grains meet {among.sum()} times in {group.high - group.low:.2g} d/u*, and others {(~among).sum()} times\n"
+        f"{len(lines)} grains meet {among.sum()} times in {group.high - group.low:.2g} d/{unit}, and others {(~among).sum()} times\n"
         f"(y stretched {stretch[1]:.0f} times, z {stretch[2]:.0f} times; shadows on the bed below)"
     )
     return figure
@@ -95,6 +96,7 @@ def plan(result: Result) -> Figure:
     encounters_of(result, "plan")
     group = group_of(result, SPAN * jump_time(result))
     figure = Figure(figsize=(9.0, 6.6))
+    unit = result.scene.numbers.unit("u*")
     near, far = figure.subplots(2, 1, height_ratios=(1.15, 1.0))
     (points, among), (lines, origin) = contact_points(result, group), paths_of(result, group)
     ends = spread_out(np.array([line[-1, 1] for line in lines.values()]), 0.8)
@@ -104,7 +106,7 @@ def plan(result: Result) -> Figure:
     mark(near, points[:, :2] - [origin, 0.0], among)
     near.set_aspect("equal", adjustable="datalim")
     near.legend(loc="lower left", ncols=2)
-    near.set(xlabel="along x (d)", ylabel="across y (d)", title=f"{len(lines)} grains during {group.high - group.low:.2g} d/u*, equal scales")
+    near.set(xlabel="along x (d)", ylabel="across y (d)", title=f"{len(lines)} grains during {group.high - group.low:.2g} d/{unit}, equal scales")
     path = result.trajectory
     x, y = path["x"].to_numpy(), path["y"].to_numpy()
     x, y = x - x[0], y - y[0]
@@ -139,6 +141,7 @@ def spread_out(values: Floats, least: float) -> Floats:
 def pair(result: Result) -> Figure:
     """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6."""
     found = clean_pair(result, "pair")
+    unit = result.scene.numbers.unit("u*")
     moment, tau = float(found.row["time"]), jump_time(result)
     low, high = max(0.0, moment - 1.3 * tau), moment + 1.3 * tau
     figure = Figure(figsize=(9.0, 5.6))
@@ -157,11 +160,11 @@ def pair(result: Result) -> Figure:
     for axes in (side, over):
         axes.set(ylabel="height of the centre z (d)", ylim=(0.0, 1.4 * axes.dataLim.y1))
     side.set_xlabel("along x (d), from the encounter")
-    over.set_xlabel("time (d/u*), from the encounter")
+    over.set_xlabel(f"time (d/{unit}), from the encounter")
     side.legend(loc="upper right", ncols=2)
     figure.suptitle(
         f"Grains {int(found.row['first'])} and {int(found.row['second'])} meet in mid-flight, closing at "
-        f"{-found.relative() @ found.normal():.2g} u*\n(open arrows: encounters, filled arrows: contacts with the bed)"
+        f"{-found.relative() @ found.normal():.2g} {unit}\n(open arrows: encounters, filled arrows: contacts with the bed)"
     )
     return figure
 
@@ -181,6 +184,7 @@ def snapshots(result: Result) -> Figure:
     direction of the line of centres. Thesis fig. 4-7.
     """
     found = clean_pair(result, "snapshots")
+    unit = result.scene.numbers.unit("u*")
     row, normal, moment = found.row, found.normal(), float(found.row["time"])
     level = math.hypot(normal[0], normal[1])
     along = np.array([1.0, 0.0]) if level < 1e-6 else normal[:2] / level * (1.0 if normal[0] >= 0.0 else -1.0)
@@ -206,14 +210,14 @@ def snapshots(result: Result) -> Figure:
             for speed, look in ((before, GREY), (velocity, BLACK)) if count == 0 else ((velocity, BLACK),):
                 quiver = axes.quiver(*middle, *flat(speed - drift, along), color=look, angles="xy", scale_units="xy", scale=2.5, width=0.014, zorder=3)
         axes.set_axisbelow(True)
-        axes.set_title("contact" if count == 0 else f"{count * step:+.2g} d/u*")
+        axes.set_title("contact" if count == 0 else f"{count * step:+.2g} d/{unit}")
         axes.set_aspect("equal")
     panels[0].set(xlim=(-1.8, 1.8), ylim=(centre[2] - 1.35, centre[2] + 1.2), ylabel="height z (d)")
-    panels[4].quiverkey(quiver, 0.93, 0.06, 1.0, "1 u*", labelpos="E", coordinates="figure")
+    panels[4].quiverkey(quiver, 0.93, 0.06, 1.0, f"1 {unit}", labelpos="E", coordinates="figure")
     figure.supxlabel(f"along the line of centres in plan (d), {math.degrees(math.atan2(along[1], along[0])):+.0f}° from the stream", fontsize=10)
     parting = np.array([row[f"second_{name}_after"] - row[f"first_{name}_after"] for name in SPEEDS]) @ normal
     figure.suptitle(
-        f"Grains {int(row['first'])} (blue) and {int(row['second'])} close at {closing:.2g} u* and part at {parting:.2g} u*\n"
+        f"Grains {int(row['first'])} (blue) and {int(row['second'])} close at {closing:.2g} {unit} and part at {parting:.2g} {unit}\n"
         "(seen from their centre of mass; at contact grey: before, black: after)"
     )
     return figure
@@ -237,6 +241,7 @@ def grain_history(result: Result, grain: int | None = None, start: float | None 
     velocity (impulse per mass of the grain), on a scale of their own.
     """
     needs_width(result, "grain_history")
+    unit = result.scene.numbers.unit("u*")
     span = 10.0 * jump_time(result)
     chosen, begin = busiest(result, span)
     if grain is not None and grain != chosen:
@@ -257,7 +262,7 @@ def grain_history(result: Result, grain: int | None = None, start: float | None 
     ends, rates = path.mean_accelerations()
     inside = (ends[:, 0] >= low) & (ends[:, 1] <= high)
     panels[3].plot(ends[inside].ravel(), np.repeat(rates[inside, 1], 2), color=BLUE, linewidth=1.0)
-    draw_kicks(panels[3], path, low, high)
+    draw_kicks(panels[3], path, low, high, unit)
     for axes in panels:
         for time in met["time"]:
             axes.axvline(time, color=RED, linestyle=":", linewidth=1.0)
@@ -268,8 +273,8 @@ def grain_history(result: Result, grain: int | None = None, start: float | None 
     along.set_xticks(ticks[(ticks >= x[0]) & (ticks <= x[-1])])
     along.set_xlabel("along x (d)")
     panels[1].set(ylabel="across y (d)")
-    panels[2].set(ylabel="velocity\nacross v (u*)")
-    panels[3].set(ylabel="acceleration between\ncontacts (u*²/d)", xlabel="time (d/u*)")
+    panels[2].set(ylabel=f"velocity\nacross v ({unit})")
+    panels[3].set(ylabel=f"acceleration between\ncontacts ({unit}²/d)", xlabel=f"time (d/{unit})")
     figure.suptitle(f"Grain {chosen} is turned across the stream by {len(met)} encounters (dotted); partners grey around them")
     return figure
 
@@ -284,7 +289,7 @@ def draw_partners(axes: Any, result: Result, path: Track, grain: int, met: pd.Da
         axes.plot(times, line[:, column] + offset[column], color="#aaaaaa", linewidth=1.0)
 
 
-def draw_kicks(axes: Any, path: Track, low: float, high: float) -> None:
+def draw_kicks(axes: Any, path: Track, low: float, high: float, unit: str) -> None:
     """Jumps of the velocity across the stream at contacts, as arrows on a scale of their own at the right."""
     right = axes.twinx()
     right.grid(False)
@@ -302,7 +307,7 @@ def draw_kicks(axes: Any, path: Track, low: float, high: float) -> None:
     axes.set_ylim(-bound, bound)
     right.set_ylim(-top, top)
     bed = (shown & (path.kind == BED) & (np.abs(kicks) > 0.02 * top)).any()
-    right.set_ylabel(f"arrows: jump of v (u*)\nat encounters{' (grey: bed)' if bed else ''}", color=RED)
+    right.set_ylabel(f"arrows: jump of v ({unit})\nat encounters{' (grey: bed)' if bed else ''}", color=RED)
 
 
 # Statistics
@@ -313,12 +318,13 @@ def profiles(result: Result) -> Figure:
     """Concentration and mean velocity of the grains over the height, after the first half of them has done `run.discard` jumps."""
     start = settled(result)
     table = result.profiles(start=start)
+    unit = result.scene.numbers.unit("u*")
     z, filled = table["z"].to_numpy(), table["concentration"].to_numpy() > 0.0
     figure = Figure(figsize=(9.0, 4.6))
     left, right = figure.subplots(1, 2, sharey=True)
-    unit = "% by volume" if result.scene.grains.boundary == "periodic" else "% of its mean over the height"
+    share = "% by volume" if result.scene.grains.boundary == "periodic" else "% of its mean over the height"
     left.plot(100.0 * table["concentration"], z, color=BLUE, marker="o", markersize=4)
-    left.set(xlabel=f"concentration ({unit})", ylabel="height of the centre z (d)", xlim=(0, None))
+    left.set(xlabel=f"concentration ({share})", ylabel="height of the centre z (d)", xlim=(0, None))
     mean, spread = table["velocity"].to_numpy(), table["velocity_sd"].to_numpy()
     right.fill_betweenx(z[filled], (mean - spread)[filled], (mean + spread)[filled], color=BLUE, alpha=0.2, linewidth=0.0)
     right.plot(mean[filled], z[filled], color=BLUE, marker="o", markersize=4)
@@ -333,10 +339,10 @@ def profiles(result: Result) -> Figure:
         labelled(right, float(np.interp(0.25 * top, heights, stream)), 0.25 * top, "stream", BLACK, 1)
         weights = table["concentration"].to_numpy()[filled]
         slip = np.interp(z[filled], heights, stream) - mean[filled]
-        lag = f"; on average they lag the stream by {np.average(slip, weights=weights):.2g} u*"
-    right.set_xlabel("velocity along the stream (u*)")
+        lag = f"; on average they lag the stream by {np.average(slip, weights=weights):.2g} {unit}"
+    right.set_xlabel(f"velocity along the stream ({unit})")
     densest = float(z[np.argmax(table["concentration"])])
-    figure.suptitle(f"Grains are densest at z = {densest:.2g} d{lag} (from {start:.3g} d/u* on)")
+    figure.suptitle(f"Grains are densest at z = {densest:.2g} d{lag} (from {start:.3g} d/{unit} on)")
     return figure
 
 
@@ -369,10 +375,11 @@ def changes(met: pd.DataFrame) -> pd.DataFrame:
 def encounters(result: Result) -> Figure:
     """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15."""
     found = changes(encounters_of(result, "encounters"))
+    unit = result.scene.numbers.unit("u*")
     figure = Figure(figsize=(10.0, 7.6))
     panels = figure.subplots(3, 3)
-    names = {"u": "along |Δu| (u*)", "v": "across |Δv| (u*)", "w": "up |Δw| (u*)"}
-    names |= {f"angle_{plane}": f"|Δ angle| in the {plane} plane (degrees)" for plane in PLANES} | {f"spin_{c}": f"|Δω_{c}| (u*/d)" for c in "xyz"}
+    names = {"u": f"along |Δu| ({unit})", "v": f"across |Δv| ({unit})", "w": f"up |Δw| ({unit})"}
+    names |= {f"angle_{plane}": f"|Δ angle| in the {plane} plane (degrees)" for plane in PLANES} | {f"spin_{c}": f"|Δω_{c}| ({unit}/d)" for c in "xyz"}
     rows = ("angle_x–z", "angle_x–y", "angle_y–z", "u", "v", "w", "spin_x", "spin_y", "spin_z")
     for k, (axes, name) in enumerate(zip(panels.ravel(), rows, strict=True)):
         values = found[name].to_numpy()
@@ -387,7 +394,7 @@ def encounters(result: Result) -> Figure:
             axes.set_ylabel("share of the grains\nthat meet (%)")
     means = found.mean()
     figure.suptitle(
-        f"{len(result.encounters)} encounters change a velocity on average by {means['u']:.2g}, {means['v']:.2g} and {means['w']:.2g} u* "
+        f"{len(result.encounters)} encounters change a velocity on average by {means['u']:.2g}, {means['v']:.2g} and {means['w']:.2g} {unit} "
         f"along, across and up,\nand turn a grain by {means['angle_x–y']:.0f}° in plan (sizes of the changes, up to their 99th percentile)"
     )
     return figure
@@ -421,6 +428,7 @@ def second_moments(result: Result, without: Result | None = None) -> Figure:
     """
     tau = jump_time(result)
     figure = Figure(figsize=(10.0, 4.8))
+    unit = result.scene.numbers.unit("u*")
     both = [("with encounters", moments_of(result))] + ([] if without is None else [("without", moments_of(without))])
     panels = figure.subplots(1, both[0][1][1].shape[1], squeeze=False)[0]
     parts = []
@@ -436,7 +444,7 @@ def second_moments(result: Result, without: Result | None = None) -> Figure:
         axes.set_xlim(left=0.2 * both[0][1][0][0])
         axes.axvline(tau, color="#999999", linestyle=":")
         axes.annotate("a jump", (tau, 0.0), xycoords=("data", "axes fraction"), xytext=(4, 6), textcoords="offset points", color="#666666", fontsize=9)
-        axes.set(xlabel="time since the release (d/u*)", ylabel=f"⟨{name.upper()}'²⟩ {label} (d²)")
+        axes.set(xlabel=f"time since the release (d/{unit})", ylabel=f"⟨{name.upper()}'²⟩ {label} (d²)")
         if len(both) > 1:
             axes.legend(loc="upper left")
     if not parts:

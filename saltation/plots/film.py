@@ -58,7 +58,7 @@ class Scenery:
         panels[-1].set_xlabel("along x (d)" + (where if result.scene.grains.boundary == "periodic" else ", about the median grain"))
         if not self.flat:
             panels[1].set_ylabel("across y (d)")
-        self.figure.colorbar(self.grains[0], ax=list(panels), location="bottom", aspect=50, pad=0.02, label="speed (u*)")
+        self.figure.colorbar(self.grains[0], ax=list(panels), location="bottom", aspect=50, pad=0.02, label=f"speed ({result.scene.numbers.unit('u*')})")
         self.title = self.figure.suptitle(" ")
 
     def show(self, places: Floats, speed: Floats, met: Floats, title: str) -> None:
@@ -112,10 +112,10 @@ def animate(
         raise ValueError(f"path must end in .gif, got {str(path)!r}")
     if frames < 1:
         raise ValueError(f"frames must be 1 or greater, got {frames}")
-    kept = result.trajectory
+    kept, unit = result.trajectory, result.scene.numbers.unit("u*")
     time = kept["time"].to_numpy()
     if start is not None and start > time[-1]:
-        raise ValueError(f"start must be {time[-1]:g} d/u* or earlier, when the run ended, got {start:g}")
+        raise ValueError(f"start must be {time[-1]:g} d/{unit} or earlier, when the run ended, got {start:g}")
     first = int(np.searchsorted(time, settled(result) if start is None else start))
     if start is None:
         first = max(0, min(first, len(time) - frames))
@@ -128,7 +128,7 @@ def animate(
     speed = np.linalg.norm(velocities, axis=2)
     present = np.isfinite(speed)
     if not present[0].any():
-        raise ValueError(f"animate needs grains that still move, got none at {time[0]:g} d/u*")
+        raise ValueError(f"animate needs grains that still move, got none at {time[0]:g} d/{unit}")
     with rc_context(LOOK):
         scenery = Scenery(result, np.quantile(speed[present], (0.01, 0.99)), float(np.nanmax(places[:, :, 2])) + 0.6)
     met, glow = result.encounters, GLOW * jump_time(result)
@@ -145,7 +145,7 @@ def animate(
                 shown, owner = folded(here, result.scene.box[: len(scenery.grains)])
             elif len(here):
                 shown = here - np.median(here, axis=0) * [1.0, 1.0, 0.0] + [0.5 * scenery.length, 0.5 * scenery.width, 0.0]
-            told = f"{present[k].sum()} grains at {now:.1f} d/u*, from the side{'' if scenery.flat else ' and from above'}; red rim: just met"
+            told = f"{present[k].sum()} grains at {now:.1f} d/{unit}, from the side{'' if scenery.flat else ' and from above'}; red rim: just met"
             scenery.show(shown, speed[k][present[k]][owner], marked[present[k]][owner], told)
             pictures.append(Image.fromarray(scenery.pixels()).quantize(palette=colours, dither=Image.Dither.NONE))
             if progress is not None:

@@ -50,7 +50,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 def unit_of(result: Result) -> str:
     """The unit of velocity: u*, or V = √(|R| g d) in still water."""
-    return "V" if result.scene.channel is None else "u*"
+    return str(result.scene.numbers.unit("u*"))
 
 
 def jumps_of(result: Result, what: str) -> pd.DataFrame:

@@ -185,9 +185,9 @@ class Chosen(Table):
     kept: list[str] = Field(description="the effects of the scene")
     left_out: list[str] = Field(description="those that it can do without")
     full: dict[str, float] = Field(description="mean height (d), length (d), velocity (u*) with all effects")
-    chosen: dict[str, float] = Field(description="the same with those that are kept (d, d, u*)")
+    chosen: dict[str, float] = Field(description="the same with those that are kept, in d, d and u*")
     bounds: dict[str, float | str] = Field(
-        description="largest relative change of them without each effect that is not ruled out (95 %, dimensionless), or why none"
+        description="largest relative change of them without each effect that is not ruled out, 95 % bounds, dimensionless; or why none"
     )
     tried: list[dict[str, Any]] = Field(description="what was left out together, with its bound (dimensionless)")
     jumps: int = Field(description="jumps flown to find out")

@@ -233,6 +233,7 @@ BAD = {
     "complex": (("compare", "complex.npy", "--sample-step", 1), "array of real numbers"),
     "step": (("compare", "plain.csv", "--sample-step", -1), "dt must be"),
     "scheme": (("weights", "daitsche", "--steps", 3), "did you mean 'daitche'?"),
+    "scheme before what is missing": (("weights", "daitsche"), "did you mean 'daitche'?"),
     "no steps": (("weights", "daitche"), "--steps"),
     "steps": (("weights", "daitche", "--steps", 0), "--steps must be a whole number"),
     "order": (("weights", "daitche", "--steps", 3, "--order", 11), "order must be"),

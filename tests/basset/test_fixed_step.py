@@ -267,3 +267,25 @@ class TestRungeKutta:
         stable, unstable = largest(27.0), largest(29.0)
         assert stable == 1.0
         assert unstable > 2.0
+
+
+@pytest.mark.parametrize(("lift", "since", "c", "restitution", "floor"), [(2.0, 2.0, 0.6, 0.2, 0.0), (1.0, 2.8, 1.5, 0.3, 0.0), (2.0, 2.2, 0.6, 0.0, 1.0)])
+def test_a_body_at_rest_is_drawn_off_by_slips_as_by_collocation(lift, since, c, restitution, floor):
+    """What holds it down is the history of its slip, not the integral that fixed steps keep of it; contacts snap to nodes, at √2 a way of √2 dt."""
+
+    def fun(t, y):
+        return [y[1], lift * max(0.0, y[2] - since) - 1.0, 1.0]
+
+    def ground(t, y):
+        return y[0] - floor
+
+    ground.jump = lambda t, y: [y[0], -restitution * y[1], y[2]]
+
+    def end(method):
+        return basset.solve(fun, (0.0, 4.5), [1.0 + floor, 0.0, 0.0], [1], c, initial_slip=[0.0], method=method, events=ground)
+
+    exact = end(basset.Collocation(rtol=1e-9))
+    for dt in (0.02, 0.005):
+        found = end(basset.FixedStep(dt, basset.Daitche(2), input="slip"))
+        assert exact.status == found.status == 0, found.message
+        assert np.abs(found.y[:2, -1] - exact.y[:2, -1]).max() <= math.sqrt(2.0) * dt

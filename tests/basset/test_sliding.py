@@ -63,6 +63,43 @@ class TestFriction:
         assert np.abs(result.sol(t[t < 9.0])[0] - np.minimum(1.0, 0.5 * reference.response(t[t < 9.0], 0.0, c, 1))).max() <= FACTOR * rtol
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 7e-5, 1e-6, 2e-7, 1e-8, 3e-9, 1e-9, 1e-11])
+@pytest.mark.parametrize("c", [0.0, 0.5])
+@pytest.mark.parametrize("bodies", [1, 2, 3])
+def test_any_number_that_stick_at_any_tolerance(bodies, c, rtol):
+    """Each as alone, also on surfaces away from zero, where the state that lies on one is on neither side."""
+    drive, start, level = (np.array(values[:bodies]) for values in ([0.3, -0.2, 0.1], [1.0, -1.5, 0.7], [0.0, 1.0, -3.0]))
+    slip = [0.0] * bodies
+    result = solved(lambda t, y: drive - np.sign(y - level), 6.0, start + level, c, rtol, list(range(bodies)), initial_slip=slip)
+    t = np.array([0.5, 1.0, 2.5, 5.0, 6.0])
+    side = np.sign(start)[:, None]
+    fallen = (1.0 - side * drive[:, None]) * reference.response(t, 0.0, c, 1)
+    exact = level[:, None] + side * np.maximum(np.abs(start)[:, None] - fallen, 0.0)
+    assert result.status == 0, result.message
+    assert (np.abs(result.sol(t) - exact) / np.maximum(1.0, np.abs(exact))).max() <= FACTOR * rtol
+    assert result.nfev <= 30_000
+
+
+@pytest.mark.parametrize("rtol", [6.2e-5, 1e-7])
+def test_one_of_three_coupled_bodies_is_torn_loose_from_the_start(rtol):
+    """Two slip away at once, the third when the force on it has grown to the friction: against a steep function. Once it was held for good."""
+    friction, size, omega, start = np.array([[1.26, 0.42, 1.62], [0.82, 1.84, 1.89], [2.64, 2.52, 4.84], [-0.84, -0.05, -0.61]])
+
+    def fun(t, y, sign):
+        x, v = y[:3], y[3:]
+        pull = 2.0 * x - np.roll(x, 1) - np.roll(x, -1)
+        return np.concatenate([v, size * np.sin(omega * t) - x - 0.89 * pull - friction * sign(v)])
+
+    begin = np.concatenate([start, np.zeros(3)])
+    sharp, steep = (
+        solved(lambda t, y, f=f: fun(t, y, f), 1.0, begin, 0.1, r, [3, 4, 5], initial_slip=[0.0] * 3)
+        for f, r in ((np.sign, rtol), (lambda v: np.tanh(v / 1e-8), 1e-9))
+    )
+    assert sharp.status == steep.status == 0, sharp.message
+    t = np.linspace(0.02, 1.0, 50)
+    assert np.abs(sharp.sol(t) - steep.sol(t)).max() <= FACTOR * rtol + 1e-7
+
+
 @pytest.mark.parametrize("rtol", RTOLS)
 class TestOscillators:
     def test_one_that_sticks_within_the_dead_band(self, rtol):
