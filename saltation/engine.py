@@ -57,7 +57,7 @@ def tables_for(
     first = floor * stages_of(stages).c[0]  # the first stage behind a step of that size
     far = max(FOLLOWED * horizon if follows else horizon, 10.0 * first)
     near = max(first, far / RANGE)
-    if near > max(first, faint):
+    if near > max(first, min(faint, floor)):
         return tables_of(stages, _geometric(first, horizon, rtol, BassetKernel()), BassetKernel(), floor, span)
     while True:
         try:
