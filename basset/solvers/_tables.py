@@ -232,7 +232,7 @@ def local_shortfall(stages: int, c1: float) -> Floats:
 
 
 def following(
-    count: int, tail: ExponentialSum, constants: tuple[float, float], reynolds: float, scale: float, slips: tuple[float, float], horizon: float
+    count: int, tail: ExponentialSum, constants: tuple[float, float], reynolds: float, scale: float, slips: tuple[float, float], horizon: float | None
 ) -> Following:
     """A kernel of the slip at t for the stepper; `tail` is Basset's, `constants` are c1 and c2, for the rest see `Following`."""
     table, (c1, c2) = slip_table(tail, constants[0], horizon), constants

@@ -458,7 +458,8 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
         turn(model, s, spin, ox, oy, oz)
     spin[3] = layer_of(model, z, w)
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
-    set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)))
+    # a contact that follows at once says nothing of the flight after it
+    set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)) if duration >= limits.shortest else math.inf)
     take_off(flight, numbers[TIME], x, across, z, u, v, w)
     y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.seal else ACCEPTED
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import placed
-from basset.exponentials import ExponentialSum
+from basset.exponentials import ExponentialSum, _geometric
 from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
@@ -29,6 +29,7 @@ SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may b
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
 FLOOR_OF_ENCOUNTERS = 1e-7  # d/V: two contacts may follow each other more closely than a grain's takeoff and impact
 RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
+FOLLOWED = 10.0  # of the horizon, for the weights that follow the slip, see basset.spectrum
 EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long for some takeoffs
 BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
@@ -36,22 +37,31 @@ SAFETY = 10.0  # the local estimate of a regular step is so much too careful: me
 ATOL = 1.0  # of velocities and spins, in V and V/d
 PATIENCE = 50.0  # … so many in a row are rest
 CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
+QUICK = 10.0  # V: a slip after a takeoff
+FELT = 50.0  # what of a kernel's powers of time a singular step misses is so much smaller than they are
 NEVER = -math.inf  # refused steps until the stepper doubts that the equation is smooth: its kinks are known
 NOTHING_LOGGED = np.zeros(1)
 PATIENCE_IN_STEPS = 62.5  # steps at least in the longest flight, as many as SPAN is in the usual one
 
 
 @lru_cache(maxsize=16)
-def tables_for(stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0) -> StepTables:
-    """Shared tables; horizon None: no memory. `faint`: the history of lags up to here is below the tolerance, d/V."""
+def tables_for(
+    stages: int, rtol: float, horizon: float | None, floor: float = FLOOR, span: float = SPAN, faint: float = 0.0, follows: bool = False
+) -> StepTables:
+    """Shared tables; horizon None: no memory. `follows`: the kernel follows the slip.
+
+    `faint`, d/V: of lags up to here only those of a jump count, which no step is below.
+    """
     if horizon is None:
         return tables_of(stages, None, BassetKernel(), floor, span)
-    near = max(floor * stages_of(stages).c[0], horizon / RANGE)
-    far = max(horizon, 10.0 * near)
+    first = floor * stages_of(stages).c[0]  # the first stage behind a step of that size
+    far = max(FOLLOWED * horizon if follows else horizon, 10.0 * first)
+    near = max(first, far / RANGE)
+    if near > max(first, min(faint, floor)):
+        return tables_of(stages, _geometric(first, horizon, rtol, BassetKernel()), BassetKernel(), floor, span)
     while True:
         try:
-            shortest = max(floor, near) if near <= faint else near / stages_of(stages).c[0]
-            return tables_of(stages, ExponentialSum.fit(near, far, rtol), BassetKernel(), shortest, span)
+            return tables_of(stages, ExponentialSum.fit(near, far, rtol), BassetKernel(), near if near <= faint else floor, span)
         except ValueError:
             if rtol > 1e-4:
                 raise
@@ -61,9 +71,9 @@ def tables_for(stages: int, rtol: float, horizon: float | None, floor: float = F
 def first_horizon(scene: Scene) -> float:
     """How far the memory of a run reaches at first, d/V: the scene's horizon, unless that is long and a shorter one may do."""
     if scene.widens:
-        return float(min(scene.horizon, BRIEF, 1e9 * relaxation(scene)))
+        return float(min(scene.horizon, BRIEF, 0.1 * RANGE * shortest(scene)))
     needed = 0.0 if scene.run.duration is None else 1.01 * scene.run.duration / scene.numbers.time
-    return float(min(scene.horizon, max(min(EASY, 1e9 * relaxation(scene)), needed)))
+    return float(min(scene.horizon, max(min(EASY, 0.1 * RANGE * shortest(scene)), needed)))
 
 
 def relaxation(scene: Scene) -> float:
@@ -71,6 +81,35 @@ def relaxation(scene: Scene) -> float:
     n, names = scene.numbers, scene.names
     drag = n.reynolds / (18.0 * n.alpha) if "drag" in names else math.inf
     return min(drag, 1.0 / (math.pi * n.history**2)) if "history" in names else drag
+
+
+class Accuracy(NamedTuple):
+    """What `solver.rtol` comes to: stages, relative tolerance of a step, factor of a singular step's error, whether the kernel follows the slip."""
+
+    stages: int
+    tolerance: float
+    care: float
+    follows: bool
+
+
+def accuracy(scene: Any) -> Accuracy:
+    """Of the steps of a scene."""
+    rtol = scene.solver.rtol
+    follows = "history" in scene.names and scene.options("history").kernel != "basset"
+    # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
+    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), 4.0 * CARE if follows else CARE, follows)
+
+
+def shortest(scene: Any) -> float:
+    """The shortest step, d/V: by it the first one after a jump keeps the tolerance also where flights are short."""
+    n, time, (stages, tolerance, care, follows) = scene.numbers, relaxation(scene), accuracy(scene)
+    error = tolerance / care * min(1.0, max(loop.SHORTEST, 0.4 * time))
+    step = time * min(0.1, error ** (2.0 / (stages + 1))) if time < math.inf else math.inf
+    if follows:  # K/K_Basset is a series in (C^(2/3) t)^(3/(2 c1))
+        c1, c2 = KERNELS[scene.options("history").kernel]
+        power, stretch = 1.5 / c1, (0.25 * math.pi) ** (1.0 / 3.0) * n.reynolds * (QUICK / (0.75 + c2 * QUICK * n.reynolds)) ** 2
+        step = min(step, (FELT * error / (n.history * stretch**power)) ** (1.0 / (0.5 + power)))
+    return min(FLOOR_OF_ENCOUNTERS if "encounters" in scene.names else FLOOR, 0.1 * step)
 
 
 class Engine:
@@ -103,30 +142,23 @@ class Engine:
             assert numbers.stage is not None
             self.prescribed = prescribed_spin(numbers.stage)
         rtol = scene.solver.rtol
-        digits = -math.log10(rtol)
-        stages = max(4, round(1.1 * digits - 0.5))
-        tolerance = min(SAFETY * rtol, 0.03)
+        stages, tolerance, care, follows = accuracy(scene)
         horizon = (first_horizon(scene) if horizon is None else horizon) if self.members else None
-        far = horizon
-        if self.members and scene.options("history").kernel != "basset" and horizon is not None:
-            far = 10.0 * horizon  # for the weights that follow the slip, see basset.spectrum
         end = scene.end
         span = SPAN
         if scene.cloud is None:  # steps grow with what a flight may last
             longest = min(end, scene.longest_flight / PATIENCE_IN_STEPS) if scene.bed is not None else end
             span = SPAN * 2.0 ** max(0, math.ceil(math.log2(longest / SPAN)))
-        floor = min(FLOOR_OF_ENCOUNTERS if "encounters" in names else FLOOR, 0.01 * relaxation(scene))
-        faint = (tolerance / numbers.history) ** 2 if self.members else 0.0  # c √lag: the share of a change of slip that is lost
-        self.tables = tables_for(stages, min(1e-6, 0.1 * rtol), far, floor, span, faint)
+        floor = shortest(scene)
+        faint = tolerance / numbers.history**2 if self.members else 0.0
+        self.tables = tables_for(stages, min(1e-6, 0.1 * rtol), horizon, floor, span, faint, follows)
         self.end = end
         if scene.widens and horizon is not None:
             end = min(end, horizon)  # then a longer memory takes over
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
         self.horizon = horizon if horizon is not None else math.inf
-        self.following = self._following(self.horizon) if self.members and scene.options("history").kernel != "basset" else STAYS
-        # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
-        care = CARE if self.following is STAYS else 4.0 * CARE
+        self.following = self._following(self.horizon) if follows else STAYS
         self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, care=care)
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
@@ -150,9 +182,10 @@ class Engine:
     def _following(self, horizon: float) -> Following:
         """The kernel that follows the slip."""
         assert self.tables.tail is not None
+        matched = horizon if self.tables.tail.far > horizon else None  # sums for any range have no slow terms to match
         reynolds = self.numbers.reynolds
         constants = KERNELS[self.scene.options("history").kernel]
-        return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), horizon)
+        return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), matched)
 
     def _restitution(self, bed: Bed) -> Restitution:
         stokes = self.numbers.stokes(1.0)

@@ -30,7 +30,8 @@ __all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
 AUTO = "auto"  # effects: those that are called for, by measurement
 LONGEST = 1e9  # d/u*: a memory beyond loses its digits
 PATIENCE = 1000.0  # d/u*: a longer flight is taken to be one that never comes down …
-FASTEST = 100.0  # V: … unless a grain that leaves the bed so fast would fly longer without drag
+FASTEST = 100.0  # V: … unless a grain that leaves the bed so fast would fly longer without drag …
+SUSPENDED = 1e6  # d/u*: … or sinks slowly, but in this time
 FEWEST = 1e-9  # d/u*: of a run's duration
 MOST_STEPS = 1e8  # fixed ones
 MOST_TIMES = 10**7  # that are kept of a cloud
@@ -450,8 +451,7 @@ class SceneBase(Table):
     def longest_flight(self) -> float:
         """A flight this long is taken never to come down, in units of d/u*; infinite without a bed.
 
-        By default more than a grain that leaves the bed at 100 V flies by its weight alone: drag and sinking through it only
-        shorten that.
+        By default more than a grain that leaves the bed at 100 V flies by its weight alone, or takes for sinking by 20 d in creeping flow.
         """
         if self.bed is None:
             return math.inf
@@ -460,7 +460,8 @@ class SceneBase(Table):
         n = self.numbers
         if "weight" not in self.names or n.density_ratio <= 1.0:
             return PATIENCE
-        return max(PATIENCE, 2.0 * FASTEST * n.shields / n.alpha)
+        sinking = min(SUSPENDED, 20.0 * 18.0 * n.shields / n.reynolds) if "drag" in self.names else 0.0
+        return max(PATIENCE, 2.0 * FASTEST * n.shields / n.alpha, sinking)
 
 
 TABLES: dict[str, Any] = {name: (module.Options | None, Field(None, description=(module.__doc__ or "").splitlines()[0])) for name, module in EFFECTS.items()}

@@ -7,7 +7,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scene_cases import flown, merged, scene
+from scene_cases import Bouncer, flown, linear, merged, scene
 
 import saltation
 from saltation.cli import value_of
@@ -204,3 +204,54 @@ def test_a_spin_cannot_lose_more_than_all_of_itself():
     made = scene_of(merged(read("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
     row = next(row for row in advice.advise(made) if row.effect == "rotation")
     assert row.share <= 1.0 and "%" not in row.reason
+
+
+class TestStiff:
+    """Grains that the fluid stops at once: steps far below d/V, flights of any length, memories from the one to the other."""
+
+    @pytest.mark.parametrize("kernel", ["basset", "mei_adrian", "dorgan_loth"])
+    @pytest.mark.parametrize("changes", [{"fluid": {"viscosity": 2e-3}}, {"fluid": {"viscosity": 2e-2}}, {"grain": {"diameter": 1e-6}}])
+    def test_another_tolerance_gives_the_same_flights(self, kernel, changes):
+        content = merged(read("sand"), changes | {"history": {"kernel": kernel}, "run": {"jumps": 8, "discard": 0, "trajectory": False}})
+        coarse, fine = (flown(scene_of(merged(content, {"solver": {"rtol": rtol}}))) for rtol in (1e-4, 1e-6))
+        assert coarse.status == fine.status == "finished" and len(fine.all_jumps) == 8
+        np.testing.assert_allclose(coarse.all_jumps["height"], fine.all_jumps["height"], rtol=1e-3)
+        np.testing.assert_allclose(coarse.all_jumps["duration"], fine.all_jumps["duration"], rtol=1e-3)
+
+    @pytest.mark.parametrize("kernel", ["basset", "mei_adrian", "dorgan_loth"])
+    def test_the_limit_of_creeping_flow(self, kernel):
+        """Stokes drag, in a fluid so viscous that every kernel is Basset's: the exact flights, from a first one that takes as long as 1e7 relaxations."""
+        made = scene("bouncing", fluid={"viscosity": 3e-2}, history={"kernel": kernel}, solver={"rtol": 1e-6}, run={"jumps": 1})
+        result = flown(made)
+        exact = Bouncer(*linear(made), height=5.0, restitution=made.bed.restitution, memory="impulse")
+        assert result.status == "finished"
+        assert result.all_jumps["duration"][0] == pytest.approx(exact.bounce(), rel=1e-4)
+
+    def test_flights_with_long_memories_need_no_other_sum(self):
+        """A sum for any range beside the tabulated one that reaches as far."""
+        for follows in (False, True):
+            near, far = 1e-10, 1e6
+            found = engine.tables_for(6, 1e-7, far, near, faint=0.0, follows=follows).tail
+            assert found.near < near and found.far == far and len(found) < 200
+            lags = np.geomspace(near, far, 2000)
+            assert np.abs(found(lags) * np.sqrt(lags) - 1.0).max() < 1e-7
+
+    def test_slow_grains_come_down(self):
+        """A micrometre of quartz in water sinks by half its diameter in some thousand d/u*."""
+        made = scene_of(merged(read("sand"), {"grain": {"diameter": 1e-6}, "run": {"jumps": 5, "discard": 0}}))
+        assert made.longest_flight >= 20.0 * made.numbers.velocity / checks.settling_velocity(made) * 0.999
+        assert flown(made).status == "finished"
+
+
+@pytest.mark.parametrize("changes", [
+    {"fluid": {"density": 1000.0, "viscosity": 1e-6}, "grain": {"diameter": 2.759e-4, "density": 2257.0}, "channel": {"transport_stage": 24.67},
+     "bed": {"rebound": "garcia_nino", "roughness": "R6", "restitution": "set1", "contact_mass": "immersed", "friction": None, "tangential_retention": 0.1},
+     "effects": ["weight", "drag", "added_mass", "history"], "solver": {"rtol": 1e-3}, "run": {"jumps": 21, "discard": 1, "seed": 926}},
+    {"fluid": {"density": 1000.0, "viscosity": 1e-6}, "grain": {"diameter": 4.265e-4, "density": 2650.0}, "channel": {"transport_stage": 16.9},
+     "bed": {"rebound": "tsuji_printed", "roughness": "R2", "restitution": "stokes", "contact_mass": "immersed"},
+     "history": {"kernel": "dorgan_loth"}, "solver": {"rtol": 1e-6}, "run": {"jumps": 28, "discard": 1, "seed": 842}},
+])  # fmt: skip
+def test_contacts_that_follow_at_once(changes):
+    """Behind a contact within 1e-5 d/u* of another one steps are as short as the time between them."""
+    result = flown(scene_of(merged(read("sand"), {"bed": {"reading": "literal"}, "lift": None} | changes | {"bed": changes["bed"] | {"reading": "literal"}})))
+    assert len(result.all_jumps) == changes["run"]["jumps"] and result.all_jumps["duration"].min() < 2e-5
