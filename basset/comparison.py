@@ -17,7 +17,7 @@ from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Rule,
 
 COARSEST = 16  # steps of the coarsest grid, at least; errors are taken at its nodes
 FINEST = 2**13  # steps of the finest grid of a problem
-TRUTH, DOUBT = Daitche(10), Daitche(8)
+REFERENCE, CHECK = Daitche(10), Daitche(8)
 RULES: tuple[Rule, ...] = (
     EulerMaclaurin(),
     Brush(),
@@ -68,14 +68,14 @@ class Subject:
         What is remembered.
     exact : ndarray (levels[0], ...), unit of f × s^(-1/2)
         H at the nodes of the coarsest grid but the first.
-    doubt : float, dimensionless
+    uncertainty : float, dimensionless
         How far `exact` may be off, relative to the largest |H|; 0 for a closed form.
 
     Examples
     --------
     >>> from basset.problems import PROBLEMS
     >>> subject = of_problem(PROBLEMS["decay"])
-    >>> subject.levels[0], subject.exact.shape, subject.doubt
+    >>> subject.levels[0], subject.exact.shape, subject.uncertainty
     (32, (32,), 0.0)
     """
 
@@ -83,7 +83,7 @@ class Subject:
     arguments: Callable[[int], dict[str, Any]]
     kernel: Kernel
     exact: Floats
-    doubt: float
+    uncertainty: float
 
 
 def of_problem(problem: Problem) -> Subject:
@@ -109,7 +109,7 @@ def of_problem(problem: Problem) -> Subject:
 
 
 def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0.0, kernel: Kernel = BassetKernel()) -> Subject:
-    """Given samples (n+1, ...) and every second, fourth, … of them; the truth is the highest order on all of them.
+    """Given samples (n+1, ...) and every second, fourth, … of them; the reference is the highest order on all of them.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0
         every = steps // count
         return {"g": np.ascontiguousarray(g[: steps + 1 : every]), "dt": dt * every, "input": kind, "initial_slip": initial_slip}
 
-    exact, other = (cumulate(rule=rule, kernel=kernel, **arguments(steps))[stride::stride] for rule in (TRUTH, DOUBT))
+    exact, other = (cumulate(rule=rule, kernel=kernel, **arguments(steps))[stride::stride] for rule in (REFERENCE, CHECK))
     largest = np.abs(exact).max()
     if largest == 0.0:
         raise ValueError("samples must not all be zero")
@@ -191,13 +191,13 @@ def measured(subject: Subject, rounds: int = 5) -> Iterator[list[Measured]]:
         yield [Measured(rule, steps, float(arguments["dt"]), error, taken[rule]) for rule, error in errors.items()]
 
 
-def cheapest(records: list[Measured], error: float, doubt: float = 0.0) -> Measured | None:
-    """The fastest that is good enough, errors being known to `doubt` only; None if there is none.
+def cheapest(records: list[Measured], error: float, uncertainty: float = 0.0) -> Measured | None:
+    """The fastest that is good enough, errors being known to `uncertainty` only; None if there is none.
 
     Parameters
     ----------
     records : list of Measured
-    error, doubt : float, dimensionless
+    error, uncertainty : float, dimensionless
         Relative to the largest |H|.
 
     Returns
@@ -210,18 +210,18 @@ def cheapest(records: list[Measured], error: float, doubt: float = 0.0) -> Measu
     >>> cheapest([slow, fast], 1e-5) is fast, cheapest([slow, fast], 2e-6) is slow, cheapest([slow, fast], 1e-9)
     (True, True, None)
     """
-    enough = [record for record in records if record.error + doubt <= error]
+    enough = [record for record in records if record.error + uncertainty <= error]
     return min(enough, key=lambda record: record.seconds, default=None)
 
 
-def drawn(records: list[Measured], doubt: float, title: str) -> Any:
+def drawn(records: list[Measured], uncertainty: float, title: str) -> Any:
     """The work–precision diagram.
 
     Parameters
     ----------
     records : list of Measured
-    doubt : float, dimensionless
-        How far the truth may be off, relative to the largest |H|.
+    uncertainty : float, dimensionless
+        How far the reference may be off, relative to the largest |H|.
     title : str
 
     Returns
@@ -249,8 +249,8 @@ def drawn(records: list[Measured], doubt: float, title: str) -> Any:
             rows = [record for record in records if record.rule == rule]
             style = {"color": colours[i % len(colours)], "marker": "osD^vPXh*x+d"[i % 12], "label": repr(rule)}
             axes.loglog([1e3 * row.seconds for row in rows], [max(row.error, 1e-17) for row in rows], **style)
-        if doubt > 0.0:
-            axes.axhspan(axes.get_ylim()[0], doubt, color="#eeeeee", label="below what the truth is known to")
+        if uncertainty > 0.0:
+            axes.axhspan(axes.get_ylim()[0], uncertainty, color="#eeeeee", label="below what the reference is known to")
         axes.set(title=title, xlabel="time for H at every node (ms)", ylabel="largest error / largest |H|")
         _look.legend(figure, axes, 3)
     plt.close(figure)

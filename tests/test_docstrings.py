@@ -23,7 +23,7 @@ from saltation.effects import base, drag
 MODULES = [
     *("basset", "basset.advice", "basset.comparison", "basset.evaluate", "basset.exponentials", "basset.kernels"),
     *("basset.measure", "basset.problems", "basset.quadrature", "basset.reference", "basset.samples", "basset.solvers", "basset.spectrum"),
-    *("basset.streaming", "basset.weights", "saltation", "saltation.advice", "saltation.advice_plots", "saltation.animation", "saltation.bed.contact"),
+    *("basset.streaming", "saltation", "saltation.advice", "saltation.advice_plots", "saltation.animation", "saltation.bed.contact"),
     *("saltation.bed.rebound", "saltation.bed.roughness", "saltation.campaigns", "saltation.checks", "saltation.cloud_plots"),
     *("saltation.cloud_result", "saltation.effects.added_mass", "saltation.effects.base", "saltation.effects.drag", "saltation.effects.encounters"),
     *("saltation.effects.history", "saltation.effects.lift", "saltation.effects.magnus", "saltation.effects.rotation", "saltation.effects.weight"),
