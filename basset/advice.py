@@ -38,7 +38,7 @@ SCALES = 30.0  # length of the model in time scales, at most
 HIGHEST = 8  # degree of a product rule that is considered
 BLOCK = 64  # steps of a window before a tail
 SIZES = 2.0 ** (-np.arange(-4, 49) / 4.0)  # steps that are considered, in time scales
-TRUTH = Daitche(10)  # at less than 1/32 of a time scale
+REFERENCE = Daitche(10)  # at less than 1/32 of a time scale
 ROUNDING = 1e-14  # of the largest |H|, that no scheme gets below: sums over a path by FFT
 SPLINE = 7  # degree between given samples
 RESOLVED = 2.0  # samples per time scale, at least
@@ -296,7 +296,7 @@ class Signal:
     scale: float  # s
     length: float  # s
     margin: float  # by which predicted errors are to be multiplied
-    _truths: dict[Any, Floats] = field(default_factory=dict)
+    _references: dict[Any, Floats] = field(default_factory=dict)
 
     def error(self, rule: Rule, dt: float, kernel: Kernel) -> float:
         """Largest error of the whole-history rule from one time scale on, relative to the largest |H|."""
@@ -314,11 +314,11 @@ class Signal:
     def _truth(self, dt: float, steps: int, kernel: Kernel) -> Floats:
         """H at every node (steps+1, columns)."""
         key = dt, steps, kernel
-        if key not in self._truths:
+        if key not in self._references:
             parts = max(4, math.ceil(32.0 * dt / self.scale))
             fine = self.rate(dt / parts * np.arange(parts * steps + 1))
-            self._truths[key] = cumulate(fine, dt / parts, TRUTH, kernel)[::parts]
-        return self._truths[key]
+            self._references[key] = cumulate(fine, dt / parts, REFERENCE, kernel)[::parts]
+        return self._references[key]
 
 
 def model(scale: float, length: float) -> Signal:

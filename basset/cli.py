@@ -149,7 +149,7 @@ def compare(
 ) -> None:
     """Measure schemes on your own samples (.csv, .npy, .nc), or on a named problem: error and time at every step that the samples allow.
 
-    The truth of samples is the highest order on all of them; how far two high orders differ says how well it is known.
+    The reference for samples is the highest order on all of them; how far two high orders differ says how well it is known.
     """
     from basset.weights.table import INPUTS
 
@@ -170,15 +170,15 @@ def compare(
                 head = ("scheme", "steps", "dt", "error", "seconds")
                 write(output, csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
             else:
-                draw(comparison.drawn(records, chosen.doubt, subject), output)
+                draw(comparison.drawn(records, chosen.uncertainty, subject), output)
     out = console()
     table = Table("largest error", "fastest scheme", "steps", "dt (s)", "error", "time (ms)", box=None)
     for error in ERRORS:
-        if (best := comparison.cheapest(records, error, chosen.doubt)) is not None:
+        if (best := comparison.cheapest(records, error, chosen.uncertainty)) is not None:
             table.add_row(f"{error:.0e}", repr(best.rule), str(best.steps), f"{best.dt:.4g}", f"{best.error:.1e}", f"{1e3 * best.seconds:.3g}")
     out.print(table if table.row_count else "no scheme is good to 10 %: the samples do not resolve H")
-    if chosen.doubt:
-        out.print(f"\nH itself is known to {chosen.doubt:.1e} of its largest value on these samples")
+    if chosen.uncertainty:
+        out.print(f"\nH itself is known to {chosen.uncertainty:.1e} of its largest value on these samples")
     if output is not None:
         out.print(f"written: {output}")
 

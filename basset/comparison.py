@@ -17,7 +17,7 @@ from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Rule,
 
 COARSEST = 16  # steps of the coarsest grid, at least; errors are taken at its nodes
 FINEST = 2**13  # steps of the finest grid of a problem
-TRUTH, DOUBT = Daitche(10), Daitche(8)
+REFERENCE, CHECK = Daitche(10), Daitche(8)
 RULES: tuple[Rule, ...] = (
     EulerMaclaurin(),
     Brush(),
@@ -46,7 +46,7 @@ class Subject:
     arguments: Callable[[int], dict[str, Any]]  # steps -> g, dt, input and initial_slip of `cumulate`
     kernel: Kernel
     exact: Floats  # (levels[0], ...): H at the nodes of the coarsest grid but the first
-    doubt: float  # how far `exact` may be off, relative to the largest |H|; 0 for a closed form
+    uncertainty: float  # how far `exact` may be off, relative to the largest |H|; 0 for a closed form
 
 
 def of_problem(problem: Problem) -> Subject:
@@ -57,7 +57,7 @@ def of_problem(problem: Problem) -> Subject:
 
 
 def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0.0, kernel: Kernel = BassetKernel()) -> Subject:
-    """Given samples (n+1, ...), rates or slips, and every second, fourth, … of them; the truth is the highest order on all of them.
+    """Given samples (n+1, ...), rates or slips, and every second, fourth, … of them; the reference is the highest order on all of them.
 
     ValueError for fewer than twice `COARSEST` steps, or as `cumulate`.
 
@@ -77,7 +77,7 @@ def of_samples(g: Floats, dt: float, kind: str = "rate", initial_slip: float = 0
         every = steps // count
         return {"g": np.ascontiguousarray(g[: steps + 1 : every]), "dt": dt * every, "input": kind, "initial_slip": initial_slip}
 
-    exact, other = (cumulate(rule=rule, kernel=kernel, **arguments(steps))[stride::stride] for rule in (TRUTH, DOUBT))
+    exact, other = (cumulate(rule=rule, kernel=kernel, **arguments(steps))[stride::stride] for rule in (REFERENCE, CHECK))
     largest = np.abs(exact).max()
     if largest == 0.0:
         raise ValueError("samples must not all be zero")
@@ -100,14 +100,14 @@ def measured(subject: Subject, rounds: int = 5) -> Iterator[list[Measured]]:
         yield [Measured(rule, steps, float(arguments["dt"]), error, taken[rule]) for rule, error in errors.items()]
 
 
-def cheapest(records: list[Measured], error: float, doubt: float = 0.0) -> Measured | None:
-    """The fastest that is good enough, errors being known to `doubt` only (both relative to the largest |H|); None if there is none."""
-    enough = [record for record in records if record.error + doubt <= error]
+def cheapest(records: list[Measured], error: float, uncertainty: float = 0.0) -> Measured | None:
+    """The fastest that is good enough, errors being known to `uncertainty` only (both relative to the largest |H|); None if there is none."""
+    enough = [record for record in records if record.error + uncertainty <= error]
     return min(enough, key=lambda record: record.seconds, default=None)
 
 
-def drawn(records: list[Measured], doubt: float, title: str) -> Any:
-    """The work–precision diagram: milliseconds, and errors relative to the largest |H|; `doubt` as in `Subject`."""
+def drawn(records: list[Measured], uncertainty: float, title: str) -> Any:
+    """The work–precision diagram: milliseconds, and errors relative to the largest |H|; `uncertainty` as in `Subject`."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -122,8 +122,8 @@ def drawn(records: list[Measured], doubt: float, title: str) -> Any:
             rows = [record for record in records if record.rule == rule]
             style = {"color": colours[i % len(colours)], "marker": "osD^vPXh*x+d"[i % 12], "label": repr(rule)}
             axes.loglog([1e3 * row.seconds for row in rows], [max(row.error, 1e-17) for row in rows], **style)
-        if doubt > 0.0:
-            axes.axhspan(axes.get_ylim()[0], doubt, color="#eeeeee", label="below what the truth is known to")
+        if uncertainty > 0.0:
+            axes.axhspan(axes.get_ylim()[0], uncertainty, color="#eeeeee", label="below what the reference is known to")
         axes.set(title=title, xlabel="time for H at every node (ms)", ylabel="largest error / largest |H|")
         _look.legend(figure, axes, 3)
     plt.close(figure)

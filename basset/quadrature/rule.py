@@ -103,47 +103,6 @@ class Rule(abc.ABC):
         10
         """
 
-    def reach(self, dt: float, horizon: float, kernel: AnyKernel) -> tuple[int, Recipe]:
-        """What a stream remembers, before anything is computed for it.
-
-        Parameters
-        ----------
-        dt, horizon : float, seconds
-        kernel : Kernel or VaryingSlipKernel
-            As of `plan`.
-
-        Returns
-        -------
-        steps : int
-            Of the horizon.
-        recipe : basset.weights.Recipe
-            Without window where the tail would have nothing to stand for.
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `plan`.
-
-        Examples
-        --------
-        >>> import basset
-        >>> steps, recipe = basset.Daitche(order=1).reach(0.25, 1.0, basset.BassetKernel())
-        >>> steps, recipe.window, recipe.tail, recipe.degree
-        (4, None, None, 1)
-        """
-        dt, horizon = _validate.positive("dt", dt, "seconds"), _validate.positive("horizon", horizon, "seconds")
-        if not isinstance(kernel, VaryingSlipKernel):
-            accept(self, kernel, "rate")
-        steps = steps_to(horizon, dt)
-        recipe = self.recipe(dt, steps * dt, kernel).within(steps)
-        if recipe.window is None and steps > LONGEST:
-            raise ValueError(
-                f"horizon must be at most {LONGEST:g} steps where the whole history is kept, got {steps:g} steps: take a window or basset.Exponential"
-            )
-        if recipe.window is not None and recipe.window > LONGEST:
-            raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {dt:g} seconds in a stream, got {recipe.window:g} steps")
-        return steps, recipe
-
     def weights(self, n: int, dt: float, kernel: Kernel = BassetKernel(), input: str = "rate") -> Floats:
         """Weights w of H(t_n) ≈ Σ_j w[j] g(t_{n−j}), newest first.
 
@@ -213,7 +172,7 @@ class Rule(abc.ABC):
             If dt or horizon is not positive, the rule has no form for the kernel, the window is shorter than a step, or
             the tail was made for another kernel or does not reach from the window to the horizon.
         """
-        steps, recipe = self.reach(dt, horizon, kernel)
+        steps, recipe = reach(self, dt, horizon, kernel)
         if isinstance(kernel, VaryingSlipKernel):
             return slip.plan(recipe, dt, steps, kernel)
         return Plan(recipe, dt, steps, kernel)
@@ -226,3 +185,17 @@ def accept(rule: Rule, kernel: Any, input: str) -> None:
     _validate.choice("input", input, INPUTS)
     if input not in rule.inputs:
         raise ValueError(f"input must be 'rate' for {type(rule).__name__}, got {input!r}: the method is defined on samples of the rate df/dt only")
+
+
+def reach(rule: Rule, dt: float, horizon: float, kernel: AnyKernel) -> tuple[int, Recipe]:
+    """Steps of the horizon and what a stream does in them, before anything is computed for it; errors as `Rule.plan`."""
+    dt, horizon = _validate.positive("dt", dt, "seconds"), _validate.positive("horizon", horizon, "seconds")
+    if not isinstance(kernel, VaryingSlipKernel):
+        accept(rule, kernel, "rate")
+    steps = steps_to(horizon, dt)
+    recipe = rule.recipe(dt, steps * dt, kernel).within(steps)
+    if recipe.window is None and steps > LONGEST:
+        raise ValueError(f"horizon must be at most {LONGEST:g} steps where the whole history is kept, got {steps:g} steps: take a window or basset.Exponential")
+    if recipe.window is not None and recipe.window > LONGEST:
+        raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {dt:g} seconds in a stream, got {recipe.window:g} steps")
+    return steps, recipe

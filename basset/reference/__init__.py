@@ -1,4 +1,4 @@
-"""The truth: closed forms of the history integral in double precision, and the same in mpmath to any number of digits.
+"""Reference solutions: closed forms of the history integral in double precision, and the same in mpmath to any number of digits.
 
 Every function takes `digits=None`: then t may be an array (seconds) and the result is float64; with `digits` t is one
 number and the result an mpmath number correct to that many digits, from a formula of its own where double precision

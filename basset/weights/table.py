@@ -30,20 +30,6 @@ class Stencil(abc.ABC):
     """Weights over the whole history for a unit step; `n` counts steps, `kernel` is already scaled to the step.
 
     A subclass with parameters is a frozen dataclass: tables of weights are kept by its value.
-
-    Examples
-    --------
-    >>> import basset
-    >>> from basset.weights.polynomials import Product
-    >>> stencil, kernel = Product(1), basset.BassetKernel()
-    >>> stencil.reach, stencil.first
-    (2, 3)
-    >>> stencil.interior(0, 2, kernel, "rate").round(4), stencil.oldest(np.array([3]), kernel, "rate").round(4)
-    (array([1.3333, 1.1046]), array([[0.3071, 0.7191]]))
-    >>> stencil.short(1, kernel, "rate").round(4), stencil.inside(1, 2, kernel).round(4)
-    (array([1.3333, 0.6667]), array([1.3333, 0.6667, 0.    ]))
-    >>> stencil.oldest_sum(600, 601, np.ones((2, 1)), kernel, "rate").round(4)[:, 0]  # beyond the panels of both samples
-    array([0.0613, 0.0612])
     """
 
     @property
@@ -58,53 +44,14 @@ class Stencil(abc.ABC):
 
     @abc.abstractmethod
     def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
-        """Interior weights w[start:stop], newest first.
-
-        Parameters
-        ----------
-        start, stop : int
-            Lags in steps.
-        kernel : Kernel
-            Its time scale in steps.
-        input : {"rate", "slip"}
-            What the samples are.
-
-        Returns
-        -------
-        ndarray (stop − start,), dimensionless
-        """
+        """Interior weights w[start:stop], newest first."""
 
     @abc.abstractmethod
     def oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:
-        """Weights of the `reach` oldest samples, oldest first, for each n ≥ first.
-
-        Parameters
-        ----------
-        n : ndarray (k,), dimensionless
-            Steps.
-        kernel : Kernel
-        input : {"rate", "slip"}
-            As `interior`.
-
-        Returns
-        -------
-        ndarray (k, reach), dimensionless
-        """
+        """Weights of the `reach` oldest samples, oldest first, for each n ≥ first: (len(n), reach)."""
 
     def short(self, n: int, kernel: Kernel, input: str) -> Floats:
-        """The whole row, newest first, for 1 ≤ n < first; to be given where first is above 1.
-
-        Parameters
-        ----------
-        n : int
-        kernel : Kernel
-        input : {"rate", "slip"}
-            As `oldest`.
-
-        Returns
-        -------
-        ndarray (n+1,), dimensionless
-        """
+        """The whole row (n+1,), newest first, for 1 ≤ n < first; to be given where first is above 1."""
         raise AssertionError(f"{type(self).__name__} splits every row")
 
     @property
@@ -113,38 +60,13 @@ class Stencil(abc.ABC):
         return math.inf
 
     def oldest_sum(self, first: int, last: int, samples: Floats, kernel: Kernel, input: str) -> Floats:
-        """What the oldest samples add at nodes n = first … last, first ≥ far.
-
-        Parameters
-        ----------
-        first, last : int
-        samples : ndarray (reach, columns)
-            In any unit.
-        kernel : Kernel
-        input : {"rate", "slip"}
-            As `oldest`.
-
-        Returns
-        -------
-        ndarray (last − first + 1, columns), unit of the samples
-        """
+        """Σ_i (oldest weight i of row n)·samples[i] for n = first … last, first ≥ far; samples (reach, columns)."""
         raise AssertionError(f"{type(self).__name__} has no short cut for the oldest samples")
 
     def inside(self, window: int, lags: int, kernel: Kernel) -> Floats:
-        """Weights on rates, newest first, of the newest `window` steps where a sum of exponentials stands for what is older.
+        """Weights (lags+1,) on rates, newest first, of the newest `window` steps where a sum stands for what is older.
 
         Here those of a history that begins at the window's end; polynomials that reach beyond it may do better.
-
-        Parameters
-        ----------
-        window, lags : int
-            Steps of the window; the largest lag that may be touched.
-        kernel : Kernel
-            Its time scale in steps.
-
-        Returns
-        -------
-        ndarray (lags+1,), dimensionless
         """
         result = np.zeros(lags + 1)
         result[: window + 1] = np.concatenate(table(self, kernel, "rate").row(window))[::-1]
@@ -183,16 +105,7 @@ class Recipe:
     degree: int = 0
 
     def used(self, n: int) -> int:
-        """How many of n steps are remembered with the kernel itself.
-
-        Parameters
-        ----------
-        n : int
-
-        Returns
-        -------
-        int
-        """
+        """How many of n steps are remembered with the kernel itself."""
         return n if self.window is None else min(n, self.window)
 
     @property
@@ -201,16 +114,7 @@ class Recipe:
         return (self.window or 0) + (max(1, self.degree) + 1) // 2
 
     def within(self, steps: int) -> Recipe:
-        """The recipe for so many steps: the whole history where the tail would have nothing to stand for.
-
-        Parameters
-        ----------
-        steps : int
-
-        Returns
-        -------
-        Recipe
-        """
+        """The recipe for so many steps: the whole history where the tail would have nothing to stand for."""
         return Recipe(self.stencil, degree=self.degree) if self.tail is not None and steps <= self.lags else self
 
 

@@ -359,10 +359,11 @@ class SceneBase(Table):
         2000
         """
         from basset import BassetKernel
+        from basset.quadrature.rule import reach
 
         rule = self.history_rule(horizon)
         try:
-            return int(rule.reach(float(self.solver.dt or 0.0), horizon, BassetKernel())[0])
+            return reach(rule, float(self.solver.dt or 0.0), horizon, BassetKernel())[0]
         except ValueError as error:
             text = str(error).replace(" seconds", " d/u*").replace(" s ", " d/u* ").replace("basset.Exponential", "scheme = 'exponential'")
             raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None

@@ -143,7 +143,7 @@ def test_the_truth_of_samples_is_as_good_as_it_says():
     t, dt = problem.grid(512)
     subject = comparison.of_samples(problem.rate(t), dt)
     exact = problem.exact(t[1:])[511 // subject.levels[0] :: 512 // subject.levels[0]]
-    assert np.abs(subject.exact - exact).max() / np.abs(exact).max() <= subject.doubt + 1e-14 < 1e-9
+    assert np.abs(subject.exact - exact).max() / np.abs(exact).max() <= subject.uncertainty + 1e-14 < 1e-9
 
 
 def test_the_cheapest_is_good_enough():
@@ -152,7 +152,7 @@ def test_the_cheapest_is_good_enough():
 
     records = [record(1e-3, 1.0), record(1e-5, 2.0), record(1e-6, 3.0)]
     assert comparison.cheapest(records, 1e-4) is records[1]
-    assert comparison.cheapest(records, 1e-5, doubt=1e-6) is records[2]
+    assert comparison.cheapest(records, 1e-5, uncertainty=1e-6) is records[2]
     assert comparison.cheapest(records, 1e-7) is None
 
 
