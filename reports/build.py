@@ -17,12 +17,12 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import advice, choosing, flights, grains, memory, quadrature, saltation, scenes, solver
+from reports import advice, choosing, flights, grains, memory, quadrature, saltation, scenes, solver, stepper
 from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
 
-PAGES = tuple(module.PAGE for module in (quadrature, memory, advice, solver, saltation, choosing, flights, scenes, grains))
+PAGES = tuple(module.PAGE for module in (quadrature, memory, advice, solver, stepper, saltation, choosing, flights, scenes, grains))
 PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
     Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
     Picture("error_step", "quadrature", "Error of the history integral against the step: the thesis's fig. 5-4 again."),
@@ -62,7 +62,7 @@ def main(output: Path) -> None:
     old = {name: content for name, content in load(HERE / "data").items() if name not in data}
     data |= old
     with mpl.rc_context(LOOK), into(output):
-        pages = [made(page, data, old) for page in PAGES]
+        pages = [made(page, data, old) for page in PAGES if data.keys() & set(page.suites)]  # one without data is left out
         texts = {page.file: page.text for page in pages}
         texts |= {"README.md": front(pages), "index.html": index(pages, END, PICTURES)}
     for name, text in texts.items():

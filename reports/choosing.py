@@ -183,11 +183,11 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     (first, most), (second, next_) = list(spread.items())[:2]
     last, least = list(spread.items())[-1]
     return {
+        "sand": percent(history["sand"]["height_change"]),
+        "gravel_change": percent(history["gravel"]["height_change"]),
         "tolerance": f"{100 * own['tolerance']:g}",
         "sets": len(gravel),
         "without": "; ".join(f"{TITLES[name].split(',')[0]} {spoken(dropped(own, name))}" for name in own["sets"]),
-        "sand": percent(history["sand"]["height_change"]),
-        "gravel": percent(history["gravel"]["height_change"]),
         "magnus_gravel": factor(1.0 / (1.0 + magnus["height_change"])),
         "magnus_measured": factor(own["magnus"]["rows"][f"{own['magnus']['coefficient']:g}"]["height"] / own["magnus"]["rows"]["none"]["height"]),
         "first": first,
@@ -206,6 +206,8 @@ def choosing(data: dict[str, Record]) -> str:
     heights = {name: row["height"] for name, row in own["magnus"]["rows"].items()}
     return fill(
         "choosing.md",
+        own=own,
+        heights=heights,
         **opening(data),
         figure_sets=save(draw_sets(own, TITLES), "choosing_sets"),
         figure_ablation=save(advice_plots.ablation(frame(own["ablation"]["sand"]).set_index("effect"), "Sand"), "choosing_ablation"),
@@ -216,13 +218,9 @@ def choosing(data: dict[str, Record]) -> str:
         costs=costs(own),
         uncertain=uncertain(own, "sand"),
         shares=shares(own),
-        combined=own["combined"]["number"],
-        finished=own["combined"]["finished"],
         error=f"{100 * own['error']:g}",
-        seed=own["seed"],
         thesis=f"{heights['0.75']:.2g}",
         measured=f"{heights[coefficient]:.2g}",
-        none=f"{heights['none']:.2g}",
         fifth=factor(heights[coefficient] / heights["none"]),
         coefficient=coefficient,
         then=listed(own["magnus"]["chosen"]["left_out"]),

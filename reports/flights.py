@@ -206,15 +206,10 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     sand, thesis = cost(found, "sand"), thesis_record(found)
     history, hand, best = over(found, "sand", "without history"), by_hand(found), best_fixed(found["remembered"])
     return {
-        "time": seconds(sand["seconds"]),
-        "rtol": short(found["rtol"]),
-        "steps": f"{sand['steps']:.0f}",
+        "sand": sand,
+        "thesis": thesis,
         "history": f"{history[0]:.2f}",
         "hand_ratio": f"{hand['simulator'] / hand['hand']:.2f}",
-        "thesis_time": seconds(thesis["seconds"]),
-        "thesis_dt": f"{thesis['size']:g}",
-        "thesis_rms": percent(thesis["rms"]),
-        "thesis_max": percent(thesis["max"]),
         "ratio": factor(equal(found["remembered"], best)[1]),
         "thesis_ratio": factor(equal(found["remembered"], thesis)[1]),
         "order": span(orders(found, "height"), "{:.2f}"),
@@ -245,16 +240,14 @@ def flights(data: dict[str, Record]) -> str:
     drag = cost(found, "weight and drag")
     return fill(
         "flights.md",
+        found=found,
+        drag=drag,
         **opening(data),
-        jumps=found["jumps"],
         costs=cost_table(found),
         run=seconds(costs["run"]),
         run_path=seconds(costs["run_path"]),
         finite=f"{over(found, 'Mei–Adrian kernel', 'sand')[0]:.1f}",
         hand=hand_table(found),
-        hand_steps=f"{drag['steps']:.0f}",
-        flown=found["flown"],
-        reference=short(found["reference"]),
         apart=short(max(found["remembered"]["reference_apart"], found["forgotten"]["reference_apart"]), 1),
         figure_accuracy=save(draw_accuracy(found), "flights_accuracy"),
         equal_remembered=equal_table(found["remembered"]),
@@ -270,10 +263,8 @@ def flights(data: dict[str, Record]) -> str:
         order_length=span(orders(found, "length"), "{:.2f}"),
         last=percent(last_error(found, "height")),
         least_dt=short(min(r["dt"] for r in found["one_jump"]["records"])),
-        counted=found["counted"],
         halving=halving_table(found),
         starting=table(["", "wall time"], start_rows(found)),
-        numba=found["starting"]["numba"],
         footer=footer({name: data[name] for name in SUITES}),
     )
 

@@ -192,14 +192,13 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     tail = quickest(window["cosine"], "seconds")
     better = [gain for name in PUBLISHED for gain in gains(data["exponentials"]["floors"], name).values()]
     return {
+        "tail": tail,
         "head": head,
         "one": seconds(1e-9 * head["one"]),
         "race": factor(head["direct"] / head["stream"]),
         "direct_n": grouped(head["direct_n"]),
         "low": f"{min(errors):.0%}",
         "high": f"{max(errors):.0%}",
-        "tail_saved": f"{tail['saved']:.1%}",
-        "tail_error": short(tail["error"]),
         "better_least": factor(min(better)),
         "better_most": factor(max(better)),
         "published": published,
@@ -214,6 +213,8 @@ def memory(data: dict[str, Record]) -> str:
     refused = next((r["refused"] for r in sums["finite"] if r["refused"]), "rtol must be at least …")
     return fill(
         "memory.md",
+        sums=sums,
+        base=base,
         **opening(data),
         step=stream["step"],
         window=stream["window"],
@@ -231,14 +232,9 @@ def memory(data: dict[str, Record]) -> str:
         kept=f"{max(above_full(stream['convergence'])):.2f}",
         figure_terms=save(draw_terms(sums["fitted"]), "sum_terms"),
         terms=terms_table(sums["fitted"]),
-        fit_first=seconds(sums["times"]["first"]),
-        fit_later=seconds(sums["times"]["later"]),
         figure_published=save(draw_published(sums["published"], sums["curves"], sums["used"]), "sum_published"),
         figure_floors=save(draw_floors(sums["floors"]), "sum_floors"),
         floors=floors_table(sums["floors"]),
-        end=f"{sums['force']['end']:g}",
-        degree=sums["force"]["degree"],
-        force_step=f"{sums['force']['step']:g}",
         figure_windows=save(draw_windows(window["cosine"], window["saltation"]), "windows"),
         savings=savings_table(window),
         hops=window["saltation"]["hops"],
@@ -251,7 +247,6 @@ def memory(data: dict[str, Record]) -> str:
         time_scale=f"{varying['time_scale']:.2g}",
         base_tau=f"{base['differences']['slip at τ']:.0%}",
         base_mean=f"{base['differences']['mean slip']:.0%}",
-        base_basset=f"{base['differences']['Basset']:.1f}",
         varying=varying_table(varying),
         stopping=stopping_table(varying),
         finite=finite_table(sums["finite"]),

@@ -303,6 +303,7 @@ def quadrature(data: dict[str, Record]) -> str:
     generic = select(records, problem="fresnel_generic")
     return fill(
         "quadrature.md",
+        kernel=kernel,
         **opening(data),
         near=NEAR,
         cheapest=summary(generic),
@@ -320,8 +321,6 @@ def quadrature(data: dict[str, Record]) -> str:
         figure_kernels=save(draw_kernels(kernel), "kernels"),
         slip=f"{100 * kernel['slip']:g}",
         diameter=f"{1000 * kernel['diameter']:g}",
-        viscosity=short(kernel["viscosity"]),
-        reynolds=f"{kernel['reynolds']:g}",
         figure_window=save(draw_window(kernel), "window"),
         peers=peers(data),
         footer=footer({name: data[name] for name in SUITES if name in data}),

@@ -562,8 +562,9 @@ def saltation(data: dict[str, Record]) -> str:
     measured, model = overlap["bands"]
     return fill(
         "saltation.md",
+        found=found,
+        gravel=gravel,
         **opening(data),
-        counted=grouped(found["counted"]),
         claims=claims(found),
         figure_path=save(draw_path(found["forces"]["path"]), "saltation_path"),
         figure_memory=save(draw_memory(found["memory"], case_title), "saltation_memory"),
@@ -592,7 +593,6 @@ def saltation(data: dict[str, Record]) -> str:
         figure_magnus=save(draw_magnus(found["magnus"]), "saltation_magnus"),
         figure_saturation=save(draw_saturation(found["saturation"]), "saltation_saturation"),
         figure_diffusion=save(draw_diffusion(found["diffusion"]), "saltation_diffusion"),
-        jumps=grouped(found["diffusion"]["jumps"]),
         figure_load=save(draw_bed_load(found["grid"]), "saltation_bed_load"),
         load=bed_load_table(found),
         over=span([load["rate"] / load["meyer_peter_mueller"] for load in loads], "{:.1f}"),
@@ -624,7 +624,6 @@ def saltation(data: dict[str, Record]) -> str:
         gravel_height=f"{lever(found, 'gravel', 'base')['height']['mean']:.0f}",
         gravel_bare=f"{lever(found, 'gravel', 'Magnus')['height']['mean']:.1f}",
         gravel_regression=f"{gravel['regressions']['sklar_dietrich_2004'][0]:.1f}",
-        gravel_reynolds=grouped(gravel["reynolds"]),
         footer=footer({name: data[name] for name in SUITES}),
     )
 

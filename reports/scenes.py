@@ -296,9 +296,8 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     errors = [abs(r["height"]["bias"]) for r in whole]
     times = [r["seconds"] for r in whole]
     return {
-        "rtol": short(ours["size"]),
+        "ours": ours,
         "error": percent(max(upper(ours, name) for name in QUANTITIES)),
-        "time": seconds(ours["seconds"]),
         "coarse": sized(coarse),
         "coarse_error": percent(max(BOUNDS[0], counted(coarse, "height"))),
         "coarse_ratio": factor(coarse["seconds"] / ours["seconds"]),
@@ -323,12 +322,8 @@ def scenes(data: dict[str, Record]) -> str:
     shipped = of(collocated(records), size=SHIPPED)[0]
     return fill(
         "scenes.md",
+        found=found,
         **opening(data),
-        jumps=found["jumps"],
-        discard=found["discard"],
-        seeds=found["seeds"],
-        short=found["short"],
-        reference=short(found["reference"]),
         truth=short(max(found[key]["reference_apart"] for key in MEMORIES), 1),
         unpaired=percent(found["impulse"]["unpaired_se"]["height"] / math.sqrt(found["seeds"])),
         paired=percent(at(records, "Exponential(2)", COMMON)["height"]["se"]),

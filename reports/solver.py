@@ -258,11 +258,10 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     after = [order(found, "relaxing", name) for name in ("Daitche(1)", "Daitche(2)", "Daitche(3)")]
     slips = [order(found, "relaxing", f"{name}, slips") for name in ("Daitche(1)", "Daitche(2)", "Daitche(3)")]
     hits = [p for name in found["declared"] if (p := order(found, "bouncing", name, "error_first")) is not None]
-    contest = race(found)
+    race(found)
     peer = marge3d_race(found)
     return {
-        "steps": own["steps"],
-        "time": seconds(own["seconds"]),
+        "own": own,
         "extra": f"{own['seconds'] / third['seconds']:.1f}",
         "best": best["scheme"],
         "best_n": grouped(best["n"]),
@@ -272,9 +271,6 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
         "rates": span(after),
         "on_slips": span(slips),
         "hits": two(max(hits)),
-        "impacts": found["impacts"],
-        "race_time": seconds(contest["own"]["seconds"]),
-        "race_ratio": factor(contest["ratio"]),
         "peer": "" if peer is None else f" and marge3d, on its own vortex problem, {factor(peer['ratio'])} times as long for its best accuracy",
     }
 
@@ -289,12 +285,9 @@ def solver(data: dict[str, Record]) -> str:
     bounces = [r for r in select(found["records"], problem="bouncing") if r["scheme"] not in contest["fits"]] + longer
     return fill(
         "solver.md",
+        found=found,
+        contest=contest,
         **opening(data),
-        rate=f"{found['rate']:g}",
-        coefficient=f"{found['coefficient']:g}",
-        restitution=f"{found['restitution']:g}",
-        tail=short(found["tail"]),
-        first=found["first"],
         figure_accuracy=save(draw_accuracy(found["records"]), "solver_accuracy"),
         digits=digits_table(found),
         figure_orders=save(draw_orders(all_orders(found), found["declared"]), "solver_orders"),
@@ -302,10 +295,7 @@ def solver(data: dict[str, Record]) -> str:
         figure_convergence=save(draw_convergence(found["records"]), "solver_convergence"),
         figure_impacts=save(draw_impacts(bounces, contest["fits"], found["race"]["target"]), "solver_impacts"),
         race=race_table(found),
-        target=short(found["race"]["target"]),
-        ratio=factor(contest["ratio"]),
         second=f"{second['scheme']}, {grouped(second['n'])} steps, {seconds(second['seconds'])}: {short(second['error_first'], 1)}" if second else "none",
-        longest=seconds(contest["longest"]["seconds"]),
         figure_tolerance=save(draw_tolerance(found["records"]), "solver_tolerance"),
         kept=kept_table(found),
         worst=f"{worst_kept(found)[0]:.2g}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -11,10 +12,11 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -23,12 +25,13 @@ import saltation
 from basset import measure
 from basset._compile import compiler, shared
 from bench.grains import base, changed
+from bench.suites.flights import RTOL, engine_of, fly
 from saltation import flight
 from saltation.engine import Engine
 from saltation.scene import read, scene_of, shipped
 
 ROOT = Path(__file__).resolve().parents[2]
-RTOL, JUMPS = 1e-5, 400  # of the scene that is taken apart
+JUMPS = 100  # of the scene that is taken apart: short enough that some round is not disturbed
 Case = tuple[Callable[[], Any], Callable[[], Any]]  # what is dear and what is cheap; both have been seen to give the same
 
 
@@ -139,9 +142,9 @@ def clock_in(account: Any) -> None:
         function.__code__ = made[name].__code__
 
 
-def scene_apart(without: tuple[str, ...], path: bool = False) -> Any:
-    """The sand scene, without these effects, its path kept or not."""
-    return scene_of(changed(base("sand", JUMPS, 0), without=without, solver={"rtol": RTOL}, run={"trajectory": path}))
+def engine_apart(without: tuple[str, ...]) -> Engine:
+    """The sand scene without these effects, made ready to fly."""
+    return engine_of(changed(base("sand", JUMPS, 0), without=without))
 
 
 def clocked() -> dict[str, Any]:
@@ -150,13 +153,13 @@ def clocked() -> dict[str, Any]:
     clock_in(account)
     found = {}
     for name, without in SETTINGS.items():
-        scene = scene_apart(without)
-        saltation.run(scene)  # compiles
+        engine = engine_apart(without)
+        fly(engine, JUMPS)  # compiles, and fills the tables
         best: dict[str, Any] = {"seconds": math.inf}
-        for _ in range(9):
+        for _ in range(30):
             account[:] = 0
             begin = time.perf_counter()
-            saltation.run(scene)
+            fly(engine, JUMPS)
             seconds = time.perf_counter() - begin
             if seconds < best["seconds"]:
                 best = {"seconds": seconds, "ticks": account[:-1, 0].tolist(), "calls": account[:-1, 1].tolist()}
@@ -165,7 +168,7 @@ def clocked() -> dict[str, Any]:
 
 
 class Counted(float):
-    """A number that counts what is done with it: additions and multiplications as one each, divisions and powers too; roots are not seen."""
+    """A number that counts what is done with it: every operation and every function of `math` as one."""
 
     done = 0
 
@@ -185,11 +188,32 @@ for _name in ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv", "rtruediv"
     setattr(Counted, f"__{_name}__", _counting(f"__{_name}__"))
 
 
+class CountingMath:
+    """`math`, with functions that count."""
+
+    def __getattr__(self, name: str) -> Any:
+        """A function or a constant."""
+        plain = getattr(math, name)
+        if not callable(plain):
+            return plain
+
+        def function(*numbers: Any) -> Any:
+            found = plain(*numbers)
+            Counted.done += 1
+            return tuple(map(Counted, found)) if isinstance(found, tuple) else Counted(found)
+
+        return function
+
+
 def operations_of_rates(engine: Engine) -> int:
     """Floating-point operations of one evaluation of the rates, at the state after a takeoff."""
     y, out, own = [Counted(value) for value in engine.state_of(engine.first())], [0.0] * engine.states, [0.0] * 4
+    modules = [module for name, module in sys.modules.items() if name.startswith("saltation") and getattr(module, "math", None) is math]
     Counted.done = 0
-    flight.rates_of(engine.equation, 0.0, y, out, own)
+    with contextlib.ExitStack() as stack:
+        for module in modules:
+            stack.enter_context(mock.patch.object(module, "math", CountingMath()))
+        flight.rates_of(engine.equation, 0.0, y, out, own)
     return Counted.done
 
 
@@ -229,28 +253,26 @@ def peak() -> float:
 
 def taken_apart(rounds: int) -> dict[str, Any]:
     """Seconds of a step of the sand scene, of its parts, and what their arithmetic would take by itself."""
-    scenes = {(name, path): scene_apart(without, path) for name, without in SETTINGS.items() for path in (False, True)}
-    for scene in scenes.values():
-        saltation.run(scene)  # compiles, and fills the tables
-    times = measure.interleaved({key: lambda scene=scene: saltation.run(scene) for key, scene in scenes.items()}, rounds=rounds, seconds=0.0)
+    engines = {name: engine_apart(without) for name, without in SETTINGS.items()}
+    for engine in engines.values():
+        fly(engine, JUMPS)  # compiles, and fills the tables
+    times = measure.interleaved({name: partial(fly, engine, JUMPS) for name, engine in engines.items()}, rounds=rounds, seconds=0.0)
     with tempfile.TemporaryDirectory() as folder:
         inside = fresh("import json; from bench.suites import stepper; print(json.dumps(stepper.clocked()))", folder)
     rows = []
-    for name, without in SETTINGS.items():
+    for name, engine in engines.items():
         calls = dict(zip(CLOCKED, inside[name]["calls"], strict=True))
         ticks = dict(zip(CLOCKED, inside[name]["ticks"], strict=True))
         steps, whole = calls["accept"] + calls["cut_step"], sum(ticks.values())
-        engine = Engine(scene_apart(without))
         sizes = {"stages": engine.tables.count, "states": engine.states, "members": engine.members, "terms": len(engine.rates)}
         per_step = {key: count / steps for key, count in calls.items()}
-        seconds = times[name, False] / steps
+        seconds = times[name] / steps
         counted = arithmetic(engine, per_step)
         parts = [
             {"part": part, "seconds": seconds * sum(ticks[function] for function in functions) / whole, **counted.get(part, {})}
             for part, functions in PARTS.items()
         ]
-        kept = (times[name, True] - times[name, False]) / steps
-        row = {"scene": name, "seconds": seconds, "path": kept, "clocks": inside[name]["seconds"] / times[name, False], "steps": steps / JUMPS}
+        row = {"scene": name, "seconds": seconds, "clocks": inside[name]["seconds"] / times[name], "steps": steps / JUMPS}
         rows.append({**row, **sizes, "calls": per_step, "parts": parts})
     return {"records": rows, "peak": peak()}
 
@@ -441,14 +463,14 @@ def independent(full: bool, rounds: int) -> dict[str, Any]:
 
 
 CROWD = """
-import json, resource, sys, time
+import json, re, time
 import saltation
 from bench.suites import stepper
 scene = stepper.grains_of({number}, 1.0)
 begin = time.perf_counter()
 result = saltation.run(scene)
 seconds = time.perf_counter() - begin
-size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+size = 1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])  # ru_maxrss would be the parent's, where that has more
 print(json.dumps({{"number": {number}, "seconds": seconds, "bytes": size, "jumps": len(result.all_jumps)}}))
 """
 
@@ -465,6 +487,7 @@ import numba, numpy, pandas, xarray, saltation
 from saltation import simulation
 from saltation.scene import scene_of
 from bench.grains import base, changed
+from bench.suites.flights import RTOL, engine_of, fly
 from bench.suites import stepper
 sand = base("sand", 1, 0)
 lap()
@@ -520,7 +543,7 @@ def run(full: bool) -> dict[str, Any]:
     return {
         "rtol": RTOL,
         "jumps": JUMPS,
-        "apart": taken_apart(30 if full else 5),
+        "apart": taken_apart(100 if full else 30),
         "saved": saved(rounds),
         "one_long": one_long(full, rounds),
         "independent": independent(full, rounds),

@@ -5,7 +5,6 @@ import math
 import pytest
 
 from bench.suites import stepper as suite
-from saltation.engine import Engine
 
 
 @pytest.mark.parametrize("name", suite.CLOCKED)
@@ -27,7 +26,7 @@ def test_operations_are_counted():
 
 
 def test_rates_of_more_effects_take_more_operations():
-    full, bare = (Engine(suite.scene_apart(without)) for without in ((), ("history", "lift", "magnus", "rotation")))
+    full, bare = (suite.engine_apart(without) for without in ((), ("history", "lift", "magnus", "rotation")))
     assert 0 < suite.operations_of_rates(bare) < suite.operations_of_rates(full) < 1000
 
 
