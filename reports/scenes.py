@@ -298,7 +298,6 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     return {
         "ours": ours,
         "error": percent(max(upper(ours, name) for name in QUANTITIES)),
-        "coarse": sized(coarse),
         "coarse_error": percent(max(BOUNDS[0], counted(coarse, "height"))),
         "coarse_ratio": factor(coarse["seconds"] / ours["seconds"]),
         "dt": step_of(dt),

@@ -251,8 +251,7 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     """The numbers of the three sentences to take away."""
     found = data["coupled"]
     own = cheapest(select(found["records"], problem="relaxing", scheme=OURS), 1e-9)
-    third = cheapest(select(found["records"], problem="relaxing", scheme=OURS), 1e-3)
-    assert own and third
+    assert own
     others = fixed_rows(found, "relaxing")
     best = min(others, key=lambda r: r["error_max"])
     after = [order(found, "relaxing", name) for name in ("Daitche(1)", "Daitche(2)", "Daitche(3)")]
@@ -262,7 +261,6 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     peer = marge3d_race(found)
     return {
         "own": own,
-        "extra": f"{own['seconds'] / third['seconds']:.1f}",
         "best": best["scheme"],
         "best_n": grouped(best["n"]),
         "best_error": short(best["error_max"]),

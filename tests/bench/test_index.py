@@ -59,6 +59,17 @@ def read(text):
     return Reader(text)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_opens_with_three_sentences_and_ends_with_who_measured(page):
+    assert len(page.opening) == 3 and all(sentence.endswith(".") for sentence in page.opening)
+    assert re.search(r"\n---\n\nMade by .* measured by:\n\n(\* .*: `python -m bench.*`, .*\n)+$", page.text)
+
+
+def test_the_front_page_is_read_in_a_minute():
+    listed = [line for line in build.front(PAGES).splitlines() if line.startswith("* ")]
+    assert len(listed) == len(PAGES) and len(" ".join(listed).split()) <= 45 * len(PAGES)  # titles and signs are words here
+
+
 def test_every_element_is_closed_and_every_id_is_its_own(read):
     assert not read.wrong
     ids = [attributes["id"] for _, attributes in read.elements if "id" in attributes]

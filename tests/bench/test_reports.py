@@ -35,6 +35,19 @@ def test_small_numbers_are_short():
     assert words.short(2.54e-10, 1) == "2.5e-10"
 
 
+def test_templates_ask_for_numbers_by_form():
+    given = {"row": {"n": 65536, "time": 1.204e-4, "error": 3.2e-14, "ratio": 1530.0, "share": 0.0421, "bytes": 888, "name": "Brush"}}
+    asked = "{row[name]}: {row[n]:n} in {row[time]:s}, {row[bytes]:B}, {row[error]:e} ({row[error]:e1}), {row[share]:%}, {row[ratio]:x} ×, {row[ratio]:.0f}"
+    assert words.Words().vformat(asked, (), given) == "Brush: 65 536 in 120 µs, 888 B, 3e-14 (3.2e-14), 4.2 %, 1 500 ×, 1530"
+
+
+def test_numbers_are_as_people_write_them():
+    assert [words.seconds(x) for x in (None, 2.5, 0.00205, 7.6e-6, 2.4e-8)] == ["–", "2.5 s", "2.05 ms", "7.6 µs", "24 ns"]
+    assert [words.storage(x) for x in (888, 7.83e8, 2.5e9)] == ["888 B", "783 MB", "2.5 GB"]
+    assert words.span([3.0, -1.0]) == "−1 to 3" and words.span([1.01, 1.02], "{:.1f}") == "1.0"
+    assert [words.listed(x) for x in ([], ["a"], ["a", "b", "c"])] == ["nothing", "a", "a, b and c"]
+
+
 def test_what_needs_peers_does_without():
     data = build.load(ROOT / "reports" / "data")
     del data["peers"]
