@@ -127,7 +127,6 @@ function show() {
     link.addEventListener("click", (event) => {
       event.preventDefault();
       hits.hidden = true;
-      history.replaceState(null, "", link.href);
       part.scrollIntoView({ block: "center" });
       part.classList.add("sought");
       setTimeout(() => part.classList.remove("sought"), 2000);
