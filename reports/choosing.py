@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib.pyplot as plt
 import pandas as pd
 
-from reports import choosing_figures as figures
-from reports.analysis import Record, Target, short
-from reports.page import asked, factor, fill, footer, grouped, save, table
+from basset._look import BLUE, GREY, RED
+from reports import words
+from reports.site.page import Page, fill, footer, save, table
+from reports.words import Record, factor, grouped
 from saltation.plots import choices as advice_plots
 from saltation.study.choices import spreads
 
@@ -25,10 +27,9 @@ def word(effect: str) -> str:
     return SHORT.get(effect, effect)
 
 
-def listed(effects: Sequence[str], none: str = "nothing") -> str:
+def listed(effects: Sequence[str]) -> str:
     """Some effects in a sentence."""
-    words = [word(name) for name in effects]
-    return none if not words else words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return words.listed([word(name) for name in effects])
 
 
 def percent(value: float) -> str:
@@ -162,26 +163,6 @@ def shares(data: Record) -> str:
     return table(["", "H (d)", "L (d)", "ū (u*)"], lines)
 
 
-def targets(data: Record) -> list[Target]:
-    """What was asked, beside what was measured."""
-    kept = {name: [effect for effect in ("history", "magnus") if effect not in dropped(data, name)] for name in data["sets"]}
-    pairs = [(name, which) for which in CHOICES for name in data["sets"]]
-    few = sum(fewest(data, name, which) for name, which in pairs)
-    kept_to = [true_row(data, name, which)["largest"] <= tolerance_of(data, which) for name, which in pairs]
-    every = sum(len(rows) for rows in data["sets"].values())
-    found = f"true change within it in {sum(kept_to)} of {len(kept_to)} choices; no set with fewer effects among {every} in {few}"
-    runs = [(name, which, run) for name, which in pairs for run in data[which][name]]
-    steady = sum(set(run["left_out"]) == set(dropped(data, name, which)) for name, which, run in runs)
-    tolerances = " and ".join(f"{100 * tolerance_of(data, which):g}" for which in CHOICES)
-    return [
-        Target('`effects = "auto"` agrees with a full ablation', f"sand, coarse sand, gravel, at {tolerances} %", found, all(kept_to) and few == len(pairs)),
-        Target("the same choice with five seeds", "–", f"{steady} of {len(runs)}", steady == len(runs)),
-        Target("sand keeps history and Magnus", "both", listed(kept["sand"]), len(kept["sand"]) == 2),
-        Target("gravel drops history", "yes", "no" if "history" in kept["gravel"] else "yes", "history" not in kept["gravel"]),
-        Target("gravel drops Magnus, or the report says why not", "either", "kept, the reason given" if "magnus" in kept["gravel"] else "dropped", True),
-    ]
-
-
 def fewest(data: Record, name: str, which: str = "chosen") -> bool:
     """Whether no set within the tolerance has fewer effects than the one chosen."""
     rows = data["sets"][name]
@@ -193,8 +174,8 @@ def spoken(left_out: Sequence[str]) -> str:
     return f"can do without {listed(left_out)}" if left_out else "needs all of them"
 
 
-def opening(data: dict[str, Record]) -> str:
-    """The three sentences to take away."""
+def opening(data: dict[str, Record]) -> dict[str, Any]:
+    """The numbers of the three sentences to take away."""
     own = data["choosing"]
     gravel = own["sets"]["gravel"]
     magnus = next(row for row in own["ablation"]["gravel"] if row["effect"] == "magnus")
@@ -202,38 +183,34 @@ def opening(data: dict[str, Record]) -> str:
     spread = extremes(own, "sand")
     (first, most), (second, next_) = list(spread.items())[:2]
     last, least = list(spread.items())[-1]
-    return fill(
-        "choosing_opening.md",
-        tolerance=f"{100 * own['tolerance']:g}",
-        sets=len(gravel),
-        without="; ".join(f"{TITLES[name].split(',')[0]} {spoken(dropped(own, name))}" for name in own["sets"]),
-        looser=f"{100 * tolerance_of(own, 'looser'):g}",
-        then="; ".join(f"{TITLES[name].split(',')[0]} {spoken(dropped(own, name, 'looser'))}" for name in own["sets"]),
-        sand=percent(history["sand"]["height_change"]),
-        gravel=percent(history["gravel"]["height_change"]),
-        magnus=factor(1.0 / (1.0 + magnus["height_change"])),
-        measured=factor(own["magnus"]["rows"][f"{own['magnus']['coefficient']:g}"]["height"] / own["magnus"]["rows"]["none"]["height"]),
-        jumps=grouped(max(run["jumps"] for runs in own["chosen"].values() for run in runs)),
-        first=first,
-        most=f"{most:.1f}",
-        second=second,
-        next=f"{next_:.1f}",
-        last=last,
-        least=f"{least:.1f}",
-        error=short(own["uncertainty"]["sand"][0]["height_error"]),
-    )
+    return {
+        "sand": percent(history["sand"]["height_change"]),
+        "gravel_change": percent(history["gravel"]["height_change"]),
+        "tolerance": f"{100 * own['tolerance']:g}",
+        "sets": len(gravel),
+        "without": "; ".join(f"{TITLES[name].split(',')[0]} {spoken(dropped(own, name))}" for name in own["sets"]),
+        "magnus_gravel": factor(1.0 / (1.0 + magnus["height_change"])),
+        "magnus_measured": factor(own["magnus"]["rows"][f"{own['magnus']['coefficient']:g}"]["height"] / own["magnus"]["rows"]["none"]["height"]),
+        "first": first,
+        "most": f"{most:.1f}",
+        "second": second,
+        "next": f"{next_:.1f}",
+        "last": last,
+        "least": f"{least:.1f}",
+    }
 
 
 def choosing(data: dict[str, Record]) -> str:
     """The page reports/choosing.md."""
     own = data["choosing"]
-    wanted = targets(own)
     coefficient = f"{own['magnus']['coefficient']:g}"
     heights = {name: row["height"] for name, row in own["magnus"]["rows"].items()}
     return fill(
         "choosing.md",
-        opening=opening(data),
-        figure_sets=save(figures.sets(own, TITLES), "choosing_sets"),
+        own=own,
+        heights=heights,
+        **opening(data),
+        figure_sets=save(draw_sets(own, TITLES), "choosing_sets"),
         figure_ablation=save(advice_plots.ablation(frame(own["ablation"]["sand"]).set_index("effect"), "Sand"), "choosing_ablation"),
         figure_spread=save(advice_plots.spread(frame(own["uncertainty"]["sand"]), "Sand"), "choosing_spread"),
         figure_gravel=save(advice_plots.spread(frame(own["uncertainty"]["gravel"]), "Gravel"), "choosing_spread_gravel"),
@@ -242,19 +219,49 @@ def choosing(data: dict[str, Record]) -> str:
         costs=costs(own),
         uncertain=uncertain(own, "sand"),
         shares=shares(own),
-        combined=own["combined"]["number"],
-        finished=own["combined"]["finished"],
-        tolerance=f"{100 * own['tolerance']:g}",
         error=f"{100 * own['error']:g}",
-        seed=own["seed"],
-        magnus=factor(heights["0.75"] / heights["none"]),
         thesis=f"{heights['0.75']:.2g}",
         measured=f"{heights[coefficient]:.2g}",
-        none=f"{heights['none']:.2g}",
         fifth=factor(heights[coefficient] / heights["none"]),
         coefficient=coefficient,
         then=listed(own["magnus"]["chosen"]["left_out"]),
-        targets=asked(wanted),
-        met=f"{sum(row.met for row in wanted)} of {len(wanted)} are met.",
         footer=footer({"choosing": own}),
     )
+
+
+# Figures, from the records alone
+
+
+def draw_sets(data: Record, titles: Mapping[str, str]) -> Any:
+    """The largest true change of H, L or ū with every set of effects, against the number of effects; what is chosen is marked."""
+    figure, panels = plt.subplots(1, len(data["sets"]), figsize=(11.0, 4.2), sharey=True)
+    for axes, (name, rows) in zip(panels, data["sets"].items(), strict=True):
+        full = len(rows[0]["effects"])
+        for row in rows[1:]:
+            if row["largest"] is None:  # its run did not finish
+                continue
+            axes.semilogy(len(row["effects"]), 100.0 * row["largest"], "o", color=GREY, alpha=0.7)
+        axes.axhline(100.0 * data["tolerance"], color=RED, linestyle=":")
+        left_out = data["chosen"][name][0]["left_out"]
+        chosen = next(row for row in rows if set(rows[0]["effects"]) - set(row["effects"]) == set(left_out))
+        if left_out:
+            place = (len(chosen["effects"]), 100.0 * chosen["largest"])
+            axes.semilogy(*place, "o", color=BLUE, markersize=9)
+            text = "auto: without\n" + " and ".join(word.replace("_", " ") for word in left_out)
+            axes.annotate(text, place, xytext=(-8, -4), textcoords="offset points", ha="right", va="top", color=BLUE)
+        else:
+            axes.annotate(
+                f"auto: keeps all {full}", (full, 100.0 * data["tolerance"]), xytext=(0, -8), textcoords="offset points", ha="right", va="top", color=BLUE
+            )
+        axes.set(xlabel="number of effects", title=titles[name], xlim=(1.5, full + 0.5), ylim=(0.2, 2000.0))
+    panels[0].annotate(f"tolerance {100.0 * data['tolerance']:g} %", (1.6, 100.0 * data["tolerance"]), xytext=(0, 3), textcoords="offset points", color=RED)
+    panels[0].set(ylabel="largest change of mean H, L or ū (%)")
+    ticks = (1.0, 10.0, 100.0, 1000.0)
+    panels[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    less = [titles[name].split(",")[0] for name in data["sets"] if data["chosen"][name][0]["left_out"]]
+    can = f"{' and '.join(less) or 'no scene'} can do without some"
+    figure.suptitle(f"Every set of effects, flown with another seed: within {100.0 * data['tolerance']:g} % {can}")
+    return figure
+
+
+PAGE = Page("choosing", choosing, ("choosing",))

@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 
-from reports import flights_figures as figures
-from reports.analysis import Record, Target, seconds, short
-from reports.page import asked, factor, fill, footer, grouped, save, table
+from basset._look import PINK, PURPLE
+from basset._look import legend as _legend
+from basset._look import slope as _slope
+from reports import solver
+from reports.site.page import Page, fill, footer, save, table
+from reports.words import Record, factor, grouped, of, percent, seconds, short, span
 
 SUITES = ("flights",)
 OURS, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
 STEPPED = {IMPLICIT: "implicit", HELD: "RK4, history held"}
 BOUNDS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.003)
 QUANTITIES = ("duration", "length", "height")
-
-
-def percent(share: float) -> str:
-    """A share with two digits."""
-    return f"{100.0 * share:.2g} %"
-
-
-def of(records: list[Record], **wanted: Any) -> list[Record]:
-    """Records with these values, in the order measured."""
-    return [record for record in records if all(record[key] == value for key, value in wanted.items())]
 
 
 # What a jump costs
@@ -154,12 +148,6 @@ def halving_table(data: Record) -> str:
     return table(["change / (rtol × mean height)", *(short(rtol) for rtol in rtols)], rows)
 
 
-def worst_halving(data: Record) -> Record:
-    """Where the mean height changes most by its own claim."""
-    worst: Record = max(data["halving"], key=lambda r: r["ratio"])
-    return worst
-
-
 def order(rows: list[Record], exact: Record, quantity: str) -> float:
     """Exponent of dt in the error of a quantity, least squares over all steps."""
     h, error = np.log([[r["dt"], abs(r[quantity] - exact[quantity])] for r in rows]).T
@@ -171,11 +159,6 @@ def orders(data: Record, quantity: str) -> list[float]:
     found = data["one_jump"]
     pairs = dict.fromkeys((r["scheme"], r["method"]) for r in found["records"])
     return [order(of(found["records"], scheme=scheme, method=method), found["exact"], quantity) for scheme, method in pairs]
-
-
-def span(values: list[float]) -> str:
-    """The smallest and the largest, once if they are the same."""
-    return " to ".join(dict.fromkeys(f"{value:.2f}" for value in (min(values), max(values))))
 
 
 def extrapolated(rows: list[Record], quantity: str) -> float:
@@ -217,31 +200,21 @@ def last_error(data: Record, quantity: str) -> float:
 # The page
 
 
-def opening(data: dict[str, Record]) -> str:
-    """The three sentences to take away."""
+def opening(data: dict[str, Record]) -> dict[str, Any]:
+    """The numbers of the three sentences to take away."""
     found = data["flights"]
     sand, thesis = cost(found, "sand"), thesis_record(found)
     history, hand, best = over(found, "sand", "without history"), by_hand(found), best_fixed(found["remembered"])
-    halved = worst_halving(found)
-    return fill(
-        "flights_opening.md",
-        time=seconds(sand["seconds"]),
-        rtol=short(found["rtol"]),
-        steps=f"{sand['steps']:.0f}",
-        history=f"{history[0]:.2f}",
-        history_time=f"{history[1]:.2f}",
-        hand=f"{hand['simulator'] / hand['hand']:.2f}",
-        thesis_time=seconds(thesis["seconds"]),
-        thesis_dt=f"{thesis['size']:g}",
-        thesis_rms=percent(thesis["rms"]),
-        thesis_max=percent(thesis["max"]),
-        best=percent(best["max"]),
-        ratio=factor(equal(found["remembered"], best)[1]),
-        thesis_ratio=factor(equal(found["remembered"], thesis)[1]),
-        order=span(orders(found, "height")),
-        limit=percent(limit_error(found, "height")),
-        halved=f"{halved['ratio']:.2g}",
-    )
+    return {
+        "sand": sand,
+        "thesis": thesis,
+        "history": f"{history[0]:.2f}",
+        "hand_ratio": f"{hand['simulator'] / hand['hand']:.2f}",
+        "ratio": factor(equal(found["remembered"], best)[1]),
+        "thesis_ratio": factor(equal(found["remembered"], thesis)[1]),
+        "order": span(orders(found, "height"), "{:.2f}"),
+        "limit": percent(limit_error(found, "height")),
+    }
 
 
 def start_rows(data: Record) -> list[list[str]]:
@@ -259,85 +232,125 @@ def start_rows(data: Record) -> list[list[str]]:
     return rows
 
 
-def targets(data: Record) -> list[Target]:
-    """The figures asked of flights, beside what was measured."""
-    rows: list[Target] = []
-    sand, hand, start, campaign = cost(data, "sand"), by_hand(data), data["starting"], data["campaign"]
-    rows.append(Target(f"sand scene, rtol {short(data['rtol'])}, one core, per jump", "≤ 120 µs", seconds(sand["seconds"]), sand["seconds"] <= 120e-6))
-    ratio, per_time = over(data, "sand", "without history")
-    rows.append(Target("with history over without, same number of jumps", "≤ 2 ×", f"{ratio:.2f} × ({per_time:.2f} × per time of flight)", ratio <= 2.0))
-    states = data["by_hand"]
-    measured = f"{states['states']} states, {states['members']} with memory"
-    rows.append(Target("weight and drag in the plane: what the state holds", "4 states, no memory", measured, states["states"] == 4 and states["members"] == 0))
-    ratio = hand["simulator"] / hand["hand"]
-    rows.append(Target("weight and drag over a loop written by hand, minimum of 60", "≤ 1.3 ×", f"{ratio:.2f} ×", ratio <= 1.3))
-    apart = max(r["apart"] for r in states["records"])
-    rows.append(Target("… whose jumps are the same", "to 1e-12", "bit for bit" if apart == 0.0 else short(apart, 1), apart <= 1e-12))
-    best = best_fixed(data["remembered"])
-    ratio = equal(data["remembered"], best)[1]
-    rows.append(Target(f"fixed steps at their best ({named(best)}: {percent(best['max'])}) over collocation", "≥ 10 ×", f"{factor(ratio)} ×", ratio >= 10.0))
-    thesis = thesis_record(data)
-    ratio = equal(data["remembered"], thesis)[1]
-    rows.append(Target(f"the thesis's way ({named(thesis)}: {percent(thesis['max'])}) over collocation", "≥ 10 ×", f"{factor(ratio)} ×", ratio >= 10.0))
-    best = best_fixed(data["forgotten"])
-    ratio = equal(data["forgotten"], best)[1]
-    rows.append(Target(f"the same where no takeoff has slip ({named(best)}: {percent(best['max'])})", "≥ 10 ×", f"{factor(ratio)} ×", ratio >= 10.0))
-    halved = worst_halving(data)
-    what = "half the tolerance: change of the mean height, sand, sand_coarse, gravel"
-    rows.append(Target(what, "< rtol × mean height", f"{halved['ratio']:.2g} × at worst ({halved['scene']}, {short(halved['rtol'])})", halved["ratio"] < 1.0))
-    limit = limit_error(data, "height")
-    what = "every scheme tends to the same jump: height at dt → 0, extrapolated as √dt"
-    rows.append(Target(what, "the collocation's", f"within {percent(limit)}", limit <= 0.01))
-    if start["first"] is not None:
-        rows.append(Target("first start, to the first jump", "≤ 15 s", f"{start['first']:.1f} s", start["first"] <= 15.0))
-    rows.append(Target("next starts, to the first jump", "≤ 3 s", f"{start['next']:.2f} s", start["next"] <= 3.0))
-    if campaign["status"] == "measured":
-        rows.append(Target("the thesis's 256 runs on two cores, start-up included", "≤ 60 s", f"{campaign['seconds']:.1f} s", campaign["seconds"] <= 60.0))
-    return rows
-
-
 def flights(data: dict[str, Record]) -> str:
     """The page reports/flights.md."""
     found = data["flights"]
-    rows, thesis, costs = targets(found), thesis_record(found), found["costs"]
+    costs = found["costs"]
     typical, loose, tight = worst_kept(found, "rms", found["rtol"]), worst_kept(found, "max", found["rtol"]), worst_kept(found, "max")
     drag = cost(found, "weight and drag")
     return fill(
         "flights.md",
-        opening=opening(data),
-        jumps=found["jumps"],
+        found=found,
+        drag=drag,
+        **opening(data),
         costs=cost_table(found),
         run=seconds(costs["run"]),
         run_path=seconds(costs["run_path"]),
         finite=f"{over(found, 'Mei–Adrian kernel', 'sand')[0]:.1f}",
         hand=hand_table(found),
-        hand_steps=f"{drag['steps']:.0f}",
-        flown=found["flown"],
-        reference=short(found["reference"]),
         apart=short(max(found["remembered"]["reference_apart"], found["forgotten"]["reference_apart"]), 1),
-        figure_accuracy=save(figures.accuracy(found), "flights_accuracy"),
-        thesis_dt=f"{thesis['size']:g}",
-        thesis_max=percent(thesis["max"]),
-        thesis_rms=percent(thesis["rms"]),
+        figure_accuracy=save(draw_accuracy(found), "flights_accuracy"),
         equal_remembered=equal_table(found["remembered"]),
         equal_forgotten=equal_table(found["forgotten"]),
         kept=kept_table(found),
-        rtol=short(found["rtol"]),
         typical=f"{typical['rms'] / typical['rtol']:.2g}",
         loose=f"{loose['max'] / loose['rtol']:.2g}",
         tight=f"{tight['max'] / tight['rtol']:.2g}",
         tight_at=f"{tight['scene']}, rtol {short(tight['rtol'])}",
-        figure_convergence=save(figures.convergence(found["one_jump"]), "flights_convergence"),
+        figure_convergence=save(draw_convergence(found["one_jump"]), "flights_convergence"),
         schemes=schemes_table(found),
-        order_height=span(orders(found, "height")),
-        order_length=span(orders(found, "length")),
+        order_height=span(orders(found, "height"), "{:.2f}"),
+        order_length=span(orders(found, "length"), "{:.2f}"),
         last=percent(last_error(found, "height")),
         least_dt=short(min(r["dt"] for r in found["one_jump"]["records"])),
-        counted=found["counted"],
         halving=halving_table(found),
         starting=table(["", "wall time"], start_rows(found)),
-        numba=found["starting"]["numba"],
-        targets=asked(rows),
-        met=f"{sum(row.met for row in rows)} of {len(rows)} are met.",
         footer=footer({name: data[name] for name in SUITES}),
     )
+
+
+# Figures, from the records alone
+
+LOOKS = solver.LOOKS | {"Windowed, fitted tail": (PINK, "X", "-")}  # colour, marker, dash
+DASHES = {"fixed_step": "-", "runge_kutta_4": "--"}
+FILLS = {"fixed_step": None, "runge_kutta_4": "none"}
+
+
+def _line(axes: Any, rows: list[Record], x: str, y: str, scheme: str, method: str) -> None:
+    colour, marker, _ = LOOKS[scheme]
+    label = scheme if method == "fixed_step" else None
+    more = {} if FILLS[method] is None else {"markerfacecolor": FILLS[method]}
+    axes.loglog([r[x] for r in rows], [r[y] for r in rows], DASHES[method], color=colour, marker=marker, label=label, linewidth=1.0, **more)
+
+
+def _keys(axes: Any) -> None:
+    """What full and broken lines mean."""
+    for method, text in (("fixed_step", "implicit step"), ("runge_kutta_4", "RK4, history held over the step")):
+        axes.plot([], [], DASHES[method], color="#666666", label=text)
+
+
+def draw_accuracy(data: Record) -> Any:
+    """Error of a jump against its time, by every scheme."""
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 6.4), sharey=True)
+    titles = {"remembered": "rebound remembered: every takeoff has slip", "forgotten": "memory wiped at the rebound: no takeoff has slip"}
+    for axes, (key, title) in zip(panels, titles.items(), strict=True):
+        records = data[key]["records"]
+        for scheme in dict.fromkeys(r["scheme"] for r in records if r["method"] != OURS):
+            for method in DASHES:
+                rows = [r for r in records if r["scheme"] == scheme and r["method"] == method and r["rms"]]
+                _line(axes, [dict(r, time=1e6 * r["seconds"]) for r in rows], "time", "rms", scheme, method)
+        rows = [r for r in records if r["method"] == OURS]
+        axes.loglog(
+            [1e6 * r["seconds"] for r in rows], [r["rms"] for r in rows], color=PURPLE, marker="*", markersize=10, linewidth=2.4, label="collocation", zorder=5
+        )
+        for r in (rows[0], rows[-1]):
+            text = f"rtol {short(r['size'])}"
+            axes.annotate(text, (1e6 * r["seconds"], r["rms"]), xytext=(-8, -3), textcoords="offset points", ha="right", color=PURPLE, fontsize=9)
+        axes.set(title=title, xlabel="time per jump, one core (µs)")
+    scheme, method, dt = data["thesis"]
+    thesis = next(r for r in data["remembered"]["records"] if r["scheme"] == scheme and r["method"] == method and np.isclose(r["size"], dt))
+    panels[0].annotate(
+        f"the thesis's way: dt {dt:g}",
+        (1e6 * thesis["seconds"], thesis["rms"]),
+        xytext=(-10, -45),
+        textcoords="offset points",
+        ha="center",
+        color="#444444",
+        fontsize=9,
+        arrowprops={"arrowstyle": "-", "color": "#444444", "linewidth": 0.8},
+    )
+    for axes in panels:
+        low, high = axes.get_xlim()
+        axes.set_xlim(low / 4.0, high)
+    _slope(panels[0], 8e2, 3e-2, 6e3, -0.5, "t$^{-1/2}$", "right")
+    _slope(panels[1], 6e2, 1.2e-3, 6e3, -1, "t$^{-1}$", "right")
+    panels[0].set_ylabel(f"error of a jump / mean jump, root mean square over {data['flown']} jumps")
+    figure.suptitle("A jump by collocation is both quicker and far more exact than at fixed steps, whatever their scheme")
+    _keys(panels[0])
+    _legend(figure, panels[0], 5)
+    return figure
+
+
+def draw_convergence(found: Record) -> Any:
+    """Height of one jump against dt, by every scheme."""
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 6.0))
+    exact, records = found["exact"]["height"], found["records"]
+    for scheme in dict.fromkeys(r["scheme"] for r in records):
+        for method in DASHES:
+            rows = [dict(r, root=r["dt"] ** 0.5, error=abs(r["height"] / exact - 1.0)) for r in records if r["scheme"] == scheme and r["method"] == method]
+            _line(panels[0], rows, "dt", "error", scheme, method)
+            _line(panels[1], rows, "root", "height", scheme, method)
+    panels[1].set(xscale="linear", yscale="linear")
+    panels[1].plot(0.0, exact, "*", color=PURPLE, markersize=13, clip_on=False, zorder=5, label="collocation")
+    steps = sorted({r["dt"] for r in records})
+    _slope(panels[0], steps[-1], 1.7 * max(abs(r["height"] / exact - 1.0) for r in records), steps[0], 0.5, "dt$^{1/2}$")
+    panels[0].set(xlabel="dt (d/u*)", ylabel="error of the height / height by collocation", title="the error", xlim=(steps[0] / 2.0, steps[-1] * 1.5))
+    panels[1].set(xlabel="root of dt (d/u*)", ylabel="height of the first jump (d)", title="the height itself")
+    panels[1].set_xlim(0.0, None)
+    figure.suptitle("Every scheme tends to the collocation's jump, and every one as the root of the step")
+    _keys(panels[1])
+    _legend(figure, panels[1], 6)
+    return figure
+
+
+PAGE = Page("flights", flights, SUITES)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from reports import grains_figures as figures
-from reports.analysis import Record, Target, seconds
-from reports.page import asked, factor, fill, folder, footer, grouped, save, table
+from basset._look import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from basset._look import legend as _legend
+from basset._look import slope as _slope
+from reports.site.page import Page, fill, folder, footer, save, table
+from reports.words import Record, factor, grouped, seconds
 from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
 from saltation.plots import cloud as cloud_plots
-from saltation.plots import film as animation
+from saltation.plots import film
 from saltation.results.result import Result
 from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import scene_of
@@ -68,65 +71,26 @@ def span(values: Any, digits: int = 2) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def opening(data: dict[str, Record]) -> str:
-    """The three sentences to take away."""
+def opening(data: dict[str, Record]) -> dict[str, Any]:
+    """The numbers of the three sentences to take away."""
     found = data["grains"]
     most, heights = numbers(found)[-1], compared(found, HIGH, "height")
     shorter = -heights["difference"] / heights["mean_without"]
-    p_low = compared(found, LOW, "height", "length")[["p_bootstrap", "p_wilcoxon"]].min().min()
-    return fill(
-        "grains_opening.md",
-        number="1 000",
-        time=seconds(cost(found, WITH, LOW, 1000)["seconds"]),
-        ratio=f"{over(found, LOW):.2f}",
-        ratio_high=f"{over(found, HIGH):.2f}",
-        low=f"{100 * LOW:g}",
-        high=f"{100 * HIGH:g}",
-        many=grouped(most),
-        growth=f"{growth(found):.2f}",
-        bytes=grouped(max(row["bytes"] for row in found["scaling"] if row["number"] >= 1000)),
-        least_jumps=grouped(compared(found, LOW, "height")["jumps_with"].min()),
-        p_low=f"{p_low:.2f}",
-        shorter_least=f"{shorter.min():.0%}",
-        shorter_most=f"{shorter.max():.0%}",
-        turned=f"{span(compared(found, HIGH, 'abs_deviation_angle')['mean_with'])} degrees",
-        ratio_bed_low=span(met(found, LOW)["ratio"]),
-        ratio_bed_high=span(met(found, HIGH)["ratio"]),
-        gamma_with=f"{exponent(found, 'y', 'intermediate', True)['gamma']:.2f}",
-        gamma_without=f"{exponent(found, 'y', 'intermediate', False)['gamma']:.2f}",
-    )
-
-
-def targets(data: Record) -> list[Target]:
-    """The figures asked of many grains, beside what was measured."""
-    study, low, high = data["study"], met(data, LOW), met(data, HIGH)
-    p = compared(data, LOW, "height", "length")[["p_bootstrap", "p_wilcoxon"]].min().min()
-    rows = [Target("0.13 %: change of H and L by encounters, both R_p, every T", "not significant", f"p ≥ {p:.2f}", p > 0.05)]
-    text = f"{span(low['ratio'])} and {span(high['ratio'])}"
-    rows.append(Target("F_pb/F_pp at 0.13 % and 2.33 %, R_p 73", "tens, below ten", text, bool((low["ratio"] >= 10.0).all() and (high["ratio"] < 10.0).all())))
-    printed = (high["pair_frequency"] / high["pair_frequency_printed"]).to_numpy()
-    rows.append(Target("F_pp over the printed at 2.33 %", "about 1", span(printed), bool((printed > 0.5).all() and (printed < 2.0).all())))
-    printed = (low["pair_frequency"] / low["pair_frequency_printed"]).to_numpy()
-    rows.append(Target("F_pp over the printed at 0.13 %", "about 1", span(printed), bool((printed > 0.5).all() and (printed < 2.0).all())))
-    one, two = (exponent(data, "y", "intermediate", meeting) for meeting in (True, False))
-    what = f"γ_y {one['gamma']:.2f} [{one['lower']:.2f}, {one['upper']:.2f}] and {two['gamma']:.2f}"
-    rows.append(Target("span-wise diffusion with encounters and none without, bed scatter off", "0.6, none", what, one["lower"] > 0.3 > two["gamma"]))
-    local = exponent(data, "x", "local", True, "all")["gamma"]
-    rows.append(Target("short times near-ballistic, steady releases: γ_x", "1", f"{local:.2f}", 0.85 <= local <= 1.05))
-    rows.append(Target("the 24 runs on two cores", "≤ 10 min", seconds(study["seconds"]), study["seconds"] <= 600.0))
-    most = numbers(data)[-1]
-    for concentration in (LOW, HIGH):
-        ratio = growth(data, concentration)
-        rows.append(Target(f"a grain among {grouped(most)} over one among 1 000, {100 * concentration:g} %", "≤ 1.5 ×", f"{ratio:.2f} ×", ratio <= 1.5))
-    size = max(row["bytes"] for row in data["scaling"] if row["number"] >= 1000)
-    rows.append(Target("bytes per grain", "≤ 2 kB", grouped(size), size <= 2000.0))
-    ratio = data["independent"]["ratio"]
-    rows.append(Target("without encounters over the same grains one by one", "≤ 1.15 ×", f"{ratio:.2f} ×", ratio <= 1.15))
-    same = data["independent"]["same"]
-    rows.append(
-        Target("… whose jumps are the same", "bit for bit", f"{grouped(data['independent']['jumps'])} jumps {'bit for bit' if same else 'differ'}", same)
-    )
-    return rows
+    return {
+        "number": "1 000",
+        "time": seconds(cost(found, WITH, LOW, 1000)["seconds"]),
+        "ratio": f"{over(found, LOW):.2f}",
+        "ratio_high": f"{over(found, HIGH):.2f}",
+        "low": f"{100 * LOW:g}",
+        "high": f"{100 * HIGH:g}",
+        "many": grouped(most),
+        "growth": f"{growth(found):.2f}",
+        "shorter_least": f"{shorter.min():.0%}",
+        "shorter_most": f"{shorter.max():.0%}",
+        "turned": f"{span(compared(found, HIGH, 'abs_deviation_angle')['mean_with'])} degrees",
+        "gamma_with": f"{exponent(found, 'y', 'intermediate', True)['gamma']:.2f}",
+        "gamma_without": f"{exponent(found, 'y', 'intermediate', False)['gamma']:.2f}",
+    }
 
 
 def pairs_table(data: Record) -> str:
@@ -222,7 +186,7 @@ def scaling_table(data: Record) -> str:
     every = sorted({row["number"] for row in data["scaling"]})
     rows = []
     for concentration in (LOW, HIGH):
-        for form in figures.LOOKS:
+        for form in LOOKS:
             own = {row["number"]: row for row in data["scaling"] if row["form"] == form and row["concentration"] == concentration}
             cells = [seconds(own[n]["seconds"]) if n in own else "" for n in every]
             rows.append([f"{100 * concentration:g} %", form, *cells, grouped(own[max(own)]["bytes"])])
@@ -257,7 +221,7 @@ def grains(data: dict[str, Record]) -> str:
     """The page reports/grains.md."""
     found = data["grains"]
     study, own = found["study"], picture(found)
-    animation.animate(own, folder() / "figures" / "sand_cloud.gif", frames=80)
+    film.animate(own, folder() / "figures" / "sand_cloud.gif", frames=80)
     plots = {
         name: save(cloud_plots.CLOUD_PLOTS[name](own), f"grains_{name}")
         for name in ("three_dimensional", "plan", "pair", "snapshots", "grain_history", "profiles")
@@ -266,36 +230,104 @@ def grains(data: dict[str, Record]) -> str:
     alone = found["independent"]
     return fill(
         "grains.md",
-        opening=opening(data),
-        seconds=seconds(study["seconds"]),
-        workers=study["workers"],
-        targets=asked(targets(found)),
-        figure_space=plots["three_dimensional"],
-        figure_plan=plots["plan"],
-        figure_pair=plots["pair"],
-        figure_snapshots=plots["snapshots"],
-        figure_history=plots["grain_history"],
-        figure_profiles=plots["profiles"],
+        study=study,
+        plots=plots,
+        found=found,
+        alone=alone,
+        **opening(data),
         table_4_2=pairs_table(found),
         low_factor=factor(float((rates["pair_frequency_printed"] / rates["pair_frequency"]).median())),
         clipped=f"{study['clipped'][0]['pairs']:.2g}",
         scattered=f"{study['clipped'][1]['pairs']:.2g}",
         significant=significant(found),
-        figure_compared=save(figures.compared(study["comparison"]), "grains_compared"),
+        figure_compared=save(draw_compared(study["comparison"]), "grains_compared"),
         comparison=comparison_table(found),
         changes=changes_table(found),
         figure_changes=save(cloud_plots.CLOUD_PLOTS["encounters"](own), "grains_encounters"),
         local=f"{RANGES['local'][1]:g}",
         intermediate=" to ".join(f"{edge:g}" for edge in RANGES["intermediate"]),
         beyond=f"{RANGES['global'][0]:g}",
-        figure_moments=save(figures.moments(study["moments"]), "grains_moments"),
+        figure_moments=save(draw_moments(study["moments"]), "grains_moments"),
         exponents=exponents_table(found),
         convergence=convergence_table(found),
-        rounds=found["rounds"],
-        independent=f"{alone['ratio']:.2f}",
-        independent_number=alone["number"],
         same="with the same bits" if alone["same"] else "with other bits",
-        figure_scaling=save(figures.scaling(found["scaling"]), "grains_scaling"),
+        figure_scaling=save(draw_scaling(found["scaling"]), "grains_scaling"),
         scaling=scaling_table(found),
         footer=footer({"grains": found}),
     )
+
+
+# Figures, from the records alone
+
+LOOKS = {
+    "encounters, history": (PURPLE, "o"),
+    "encounters, no history": (ORANGE, "s"),
+    "no encounters, history": (BLUE, "^"),
+    "no encounters, no history": (GREEN, "D"),
+}
+
+
+def draw_scaling(rows: list[Record]) -> Any:
+    """Time per grain and unit time against the number of grains."""
+    concentrations = sorted({row["concentration"] for row in rows})
+    figure, panels = plt.subplots(1, len(concentrations), figsize=(11.0, 4.8), sharey=True)
+    for axes, concentration in zip(panels, concentrations, strict=True):
+        for form, (colour, marker) in LOOKS.items():
+            own = [row for row in rows if row["form"] == form and row["concentration"] == concentration]
+            axes.loglog([row["number"] for row in own], [1e6 * row["seconds"] for row in own], color=colour, marker=marker, label=form)
+        axes.set(title=f"C_p = {100 * concentration:g} %", xlabel="number of grains")
+        axes.grid(True, which="major", alpha=0.3)
+    panels[0].set(ylabel="time per grain and d/u*, one core (µs)", ylim=(10.0, 1000.0))
+    _legend(figure, panels[0], 4)
+    figure.suptitle("The cost of a grain hardly depends on how many there are")
+    return figure
+
+
+def draw_compared(rows: list[Record]) -> Any:
+    """H and L with and without encounters against T, one panel per set of runs."""
+    sets = list(dict.fromkeys((row["concentration"], row["particle_reynolds"]) for row in rows))
+    figure, panels = plt.subplots(2, len(sets), figsize=(12.0, 6.4), sharex=True)
+    for column, (concentration, reynolds) in enumerate(sets):
+        for line, (name, label) in enumerate((("height", "jump height H (d)"), ("length", "jump length L (d)"))):
+            axes = panels[line, column]
+            own = [r for r in rows if (r["concentration"], r["particle_reynolds"]) == (concentration, reynolds) and r["quantity"] == name]
+            for shift, side, colour, marker in ((-0.02, "without", GREY, "o"), (0.02, "with", RED, "s")):
+                stage, mean, sd = ([r[key] for r in own] for key in ("stage", f"mean_{side}", f"sd_{side}"))
+                axes.errorbar(
+                    np.array(stage) + shift, mean, sd, color=colour, marker=marker, linestyle="-", linewidth=1.0, capsize=3, label=f"{side} encounters"
+                )
+            axes.set_ylim(bottom=0.0)
+            axes.grid(True, alpha=0.3)
+            if column == 0:
+                axes.set_ylabel(label)
+            if line == 0:
+                axes.set_title(f"C_p = {100 * concentration:g} %, R_p = {reynolds:g}")
+            else:
+                axes.set_xlabel("transport stage T")
+    panels[0, 0].legend(loc="upper left", fontsize=8)
+    figure.suptitle("Encounters shorten jumps at 2.33 % and do nothing at 0.13 % (bars: standard deviation of single jumps)")
+    return figure
+
+
+def draw_moments(runs: list[Record]) -> Any:
+    """Second moments along and across from one release, with encounters and without."""
+    figure, panels = plt.subplots(1, 2, figsize=(11.0, 4.8))
+    for axes, axis, name in zip(panels, "xy", ("along the stream", "across the stream"), strict=True):
+        for run in runs:
+            colour, label = (RED, "with encounters") if run["encounters"] else (GREY, "without encounters")
+            own = run["first"]
+            axes.loglog(own["lag"], own[axis], color=colour, marker="o", markersize=3, linewidth=1.0, label=label)
+        axes.axvline(runs[0]["duration"], color="#999999", linestyle=":", linewidth=1.0)
+        axes.annotate("a jump", (runs[0]["duration"], 0.02), xycoords=("data", "axes fraction"), xytext=(3, 0), textcoords="offset points", fontsize=8)
+        axes.set(title=name, xlabel="time since release (d/u*)", ylabel=f"⟨{axis.upper()}'²⟩ (d²)")
+        axes.grid(True, which="major", alpha=0.3)
+    lag, x, y = (np.array(runs[0]["first"][key]) for key in ("lag", "x", "y"))
+    for axes, values in zip(panels, (x, y), strict=True):
+        middle = len(lag) // 2
+        _slope(axes, lag[middle], 0.2 * values[middle], 6.0 * lag[middle], 1.0, "slope 1\n(γ = ½)", "right")
+    panels[1].legend(loc="upper left", fontsize=9)
+    figure.suptitle("Encounters alone spread grains across the stream")
+    return figure
+
+
+PAGE = Page("grains", grains, ("grains",))

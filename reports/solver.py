@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 
-from reports import solver_figures as figures
-from reports.analysis import Record, Target, seconds, select, short
-from reports.page import asked, factor, fill, footer, grouped, save, table
+from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
+from basset._look import legend as _legend
+from basset._look import slope as _slope
+from reports.site.page import Page, fill, footer, save, table
+from reports.words import Record, factor, grouped, seconds, select, short
 
 SUITES = ("coupled",)
 OURS = "Collocation"
-KEPT = 10.0  # error over rtol that is asked for
 DIGITS = (1e-3, 1e-6, 1e-9)
-ON_RATES = ("Daitche(1)", "Daitche(2)", "Daitche(3)")
 TAILED = ("Windowed, fitted tail", "Exponential(3)", "Hinsberg, published tail")
 
 
@@ -226,7 +227,8 @@ def marge3d(data: Record) -> str:
         rows.append([r["solver"], size, seconds(r["seconds"]), short(r["error_end"], 1), short(r["error_max"], 1), ours])
     theirs, own = result["theirs"], result["own"]
     return fill(
-        "solver_marge3d.md",
+        "solver.md",
+        "marge3d",
         version=found["version"],
         R=f"{found['R']:.4g}",
         S=f"{found['S']:.4g}",
@@ -240,92 +242,40 @@ def marge3d(data: Record) -> str:
         own_time=seconds(own["seconds"]),
         own_rtol=short(own["size"]),
         ratio_solving=factor((theirs["seconds"] - theirs["building"]) / own["seconds"]),
-        figure=save(figures.marge3d(found), "solver_marge3d"),
+        figure=save(draw_marge3d(found), "solver_marge3d"),
         table=table(["solver", "steps", "time", f"error at t = {found['end']:g}", "largest over the path", f"{OURS} as good"], rows),
     )
 
 
-def targets(data: Record) -> list[Target]:
-    """The figures asked of the solver, beside what was measured."""
-    rows: list[Target] = []
-    found = select(data["records"], problem="relaxing", scheme=OURS)
-    good = [r for r in found if r["error_max"] is not None and r["error_max"] <= 1e-9]
-    least = min(good, key=lambda r: r["steps"]) if good else found[-1]
-    measured = f"{short(least['error_max'], 1)} in {least['steps']} steps (rtol {short(least['rtol'])})"
-    rows.append(Target("relaxing sphere, slip 1, t to 4, largest error", "≤ 1e-9 in ≤ 25 steps", measured, bool(good) and least["steps"] <= 25))
-    ratio, problem, rtol = worst_kept(data)
-    rows.append(Target("error / rtol, every problem, rtol 1e-3 … 1e-11", f"≤ {KEPT:g}", f"{ratio:.2g} at worst ({problem}, {short(rtol)})", ratio <= KEPT))
-    slips = slip_ratios(data)
-    worst = max(slips, key=lambda r: slips[r][0])
-    rows.append(
-        Target("non-zero slip against zero slip, same stream", "≤ 2 ×", f"{slips[worst][0]:.2f} × at worst (rtol {short(worst)})", slips[worst][0] <= 2.0)
-    )
-    bounced = next(r for r in select(data["records"], problem="bouncing", scheme=OURS) if math.isclose(r["rtol"], 1e-9))
-    error = bounced["error_max"]
-    met = error is not None and error <= 1e-8
-    rows.append(Target("bouncing sphere, ten impact times at rtol 1e-9", "≤ 1e-8 s", short(math.inf if error is None else error, 1), met))
-    lowest = min(r["lowest"] for r in select(data["records"], problem="bouncing", scheme=OURS) if r.get("lowest") is not None)
-    rows.append(Target("bouncing sphere, deepest below the bed, any rtol", "≤ 1e-10", f"{short(max(0.0, -lowest), 1)}", lowest >= -1e-10))
-    rest = data["rest"]
-    measured = f"status {rest['status']} after {rest['impacts']} impacts"
-    rows.append(Target(f"e = {rest['restitution']:g} until it rests, and says so", "status 2", measured, rest["status"] == 2))
-    for name in ON_RATES:
-        p = order(data, "smooth", name)
-        declared = data["declared"][name]
-        rows.append(
-            Target(f"FixedStep with {name}, manufactured smooth solution", f"order ≥ {declared - 0.25:g}", two(p), p is not None and p >= declared - 0.25)
-        )
-    contest = race(data)
-    measured = f"{factor(contest['ratio'])} × ({contest['best']}, extrapolated)"
-    rows.append(Target("bouncing sphere at 1e-6, against our own best FixedStep", "≥ 100 × less time", measured, contest["ratio"] >= 100.0))
-    peer = marge3d_race(data)
-    if peer:
-        rows.append(Target("marge3d's best accuracy on its own problem", "≥ 1000 × less time", f"{factor(peer['ratio'])} ×", peer["ratio"] >= 1000.0))
-    calls, _, off = linear(data, "nfev")
-    measured = f"calls of fun: {calls:.0f} per impact, off by {off:.0%} of the most; time: off by {linear(data)[2]:.0%}"
-    rows.append(Target("cost against impacts: deviation from a line (judged by calls, which no load disturbs)", "linear", measured, off <= 0.1))
-    plain = max(r["error"] / r["rtol"] for r in data["without_history"] if r["solver"] == OURS)
-    rows.append(Target("c = 0 against solve_ivp (DOP853 at 1e-13): error / rtol", "≤ 1", f"{plain:.1g} at worst", plain <= 1.0))
-    return rows
-
-
-def opening(data: dict[str, Record]) -> str:
-    """The three sentences to take away."""
+def opening(data: dict[str, Record]) -> dict[str, Any]:
+    """The numbers of the three sentences to take away."""
     found = data["coupled"]
     own = cheapest(select(found["records"], problem="relaxing", scheme=OURS), 1e-9)
-    third = cheapest(select(found["records"], problem="relaxing", scheme=OURS), 1e-3)
-    assert own and third
+    assert own
     others = fixed_rows(found, "relaxing")
     best = min(others, key=lambda r: r["error_max"])
     after = [order(found, "relaxing", name) for name in ("Daitche(1)", "Daitche(2)", "Daitche(3)")]
     slips = [order(found, "relaxing", f"{name}, slips") for name in ("Daitche(1)", "Daitche(2)", "Daitche(3)")]
     hits = [p for name in found["declared"] if (p := order(found, "bouncing", name, "error_first")) is not None]
-    contest = race(found)
+    race(found)
     peer = marge3d_race(found)
-    return fill(
-        "solver_opening.md",
-        steps=own["steps"],
-        time=seconds(own["seconds"]),
-        extra=f"{own['seconds'] / third['seconds']:.1f}",
-        best=best["scheme"],
-        best_n=grouped(best["n"]),
-        best_error=short(best["error_max"]),
-        best_time=seconds(best["seconds"]),
-        smooth=two(order(found, "smooth", "Daitche(3)")),
-        rates=span(after),
-        slips=span(slips),
-        hits=two(max(hits)),
-        impacts=found["impacts"],
-        race_time=seconds(contest["own"]["seconds"]),
-        race_ratio=factor(contest["ratio"]),
-        peer="" if peer is None else f" and marge3d, on its own vortex problem, {factor(peer['ratio'])} times as long for its best accuracy",
-    )
+    return {
+        "own": own,
+        "best": best["scheme"],
+        "best_n": grouped(best["n"]),
+        "best_error": short(best["error_max"]),
+        "best_time": seconds(best["seconds"]),
+        "smooth": two(order(found, "smooth", "Daitche(3)")),
+        "rates": span(after),
+        "on_slips": span(slips),
+        "hits": two(max(hits)),
+        "peer": "" if peer is None else f" and marge3d, on its own vortex problem, {factor(peer['ratio'])} times as long for its best accuracy",
+    }
 
 
 def solver(data: dict[str, Record]) -> str:
     """The page reports/solver.md."""
     found = data["coupled"]
-    rows = targets(found)
     contest = race(found)
     rise, level, off = linear(found)
     second, longest = contest["second"], found["by_impacts"][-1]
@@ -333,28 +283,21 @@ def solver(data: dict[str, Record]) -> str:
     bounces = [r for r in select(found["records"], problem="bouncing") if r["scheme"] not in contest["fits"]] + longer
     return fill(
         "solver.md",
-        opening=opening(data),
-        rate=f"{found['rate']:g}",
-        coefficient=f"{found['coefficient']:g}",
-        restitution=f"{found['restitution']:g}",
-        impacts=found["impacts"],
-        tail=short(found["tail"]),
-        first=found["first"],
-        figure_accuracy=save(figures.accuracy(found["records"]), "solver_accuracy"),
+        found=found,
+        contest=contest,
+        **opening(data),
+        figure_accuracy=save(draw_accuracy(found["records"]), "solver_accuracy"),
         digits=digits_table(found),
-        figure_orders=save(figures.orders(all_orders(found), found["declared"]), "solver_orders"),
+        figure_orders=save(draw_orders(all_orders(found), found["declared"]), "solver_orders"),
         orders=order_table(found),
-        figure_convergence=save(figures.convergence(found["records"]), "solver_convergence"),
-        figure_impacts=save(figures.impacts(bounces, contest["fits"], found["race"]["target"]), "solver_impacts"),
+        figure_convergence=save(draw_convergence(found["records"]), "solver_convergence"),
+        figure_impacts=save(draw_impacts(bounces, contest["fits"], found["race"]["target"]), "solver_impacts"),
         race=race_table(found),
-        target=short(found["race"]["target"]),
-        ratio=factor(contest["ratio"]),
         second=f"{second['scheme']}, {grouped(second['n'])} steps, {seconds(second['seconds'])}: {short(second['error_first'], 1)}" if second else "none",
-        longest=seconds(contest["longest"]["seconds"]),
-        figure_tolerance=save(figures.tolerance(found["records"]), "solver_tolerance"),
+        figure_tolerance=save(draw_tolerance(found["records"]), "solver_tolerance"),
         kept=kept_table(found),
         worst=f"{worst_kept(found)[0]:.2g}",
-        figure_by_impacts=save(figures.by_impacts(found["by_impacts"], rise, level), "solver_by_impacts"),
+        figure_by_impacts=save(draw_by_impacts(found["by_impacts"], rise, level), "solver_by_impacts"),
         per_impact=seconds(rise),
         off=f"{off:.0%}",
         calls_off=f"{linear(found, 'nfev')[2]:.0%}",
@@ -364,7 +307,170 @@ def solver(data: dict[str, Record]) -> str:
         slips=slip_table(found),
         plain=plain_table(found),
         marge3d=marge3d(found),
-        targets=asked(rows),
-        met=f"{sum(row.met for row in rows)} of {len(rows)} are met.",
         footer=footer({name: data[name] for name in SUITES}),
     )
+
+
+# Figures, from the records alone
+
+LOOKS = {  # colour, marker, dash
+    "semi-derivative": (YELLOW, "v", "-"),
+    "Euler–Maclaurin": (BLACK, "x", "-"),
+    "Brush": (GREY, "+", "-"),
+    "Hinsberg, published tail": (RED, "s", "-"),
+    "Daitche(1)": (ORANGE, "o", "-"),
+    "Daitche(2)": (GREEN, "^", "-"),
+    "Daitche(3)": (BLUE, "D", "-"),
+    "Daitche(1), slips": (ORANGE, "o", "--"),
+    "Daitche(2), slips": (GREEN, "^", "--"),
+    "Daitche(3), slips": (BLUE, "D", "--"),
+    "Windowed, fitted tail": (SKY, "P", ":"),
+    "Exponential(3)": (SKY, "P", "-"),
+    "RK4, history held": (PINK, "X", "-"),
+    "Collocation": (PURPLE, "*", "-"),
+}
+SAME = ("Windowed, fitted tail", "Daitche(2)", "Daitche(2), slips")  # on top of others, or between them: left out of crowded figures
+PANELS = (("smooth", "smooth, slip 0"), ("settling", "from rest: starts as √t"), ("relaxing", "initial slip 1"))
+KINDS = {"smooth": (GREEN, "o"), "from rest": (ORANGE, "^"), "with slip": (RED, "s"), "with impacts": (BLACK, "X")}
+
+
+def _line(axes: Any, rows: list[Record], x: str, y: str, scheme: str, scale: float = 1.0, **more: Any) -> None:
+    colour, marker, dash = LOOKS[scheme]
+    shown = [r for r in rows if r.get(x) is not None and r.get(y)]
+    emphasis = {"linewidth": 2.4, "markersize": 10, "zorder": 5} if scheme == "Collocation" else {}
+    axes.loglog([scale * r[x] for r in shown], [r[y] for r in shown], dash, **({"color": colour, "marker": marker, "label": scheme} | emphasis | more))
+
+
+def draw_accuracy(records: list[Record]) -> Any:
+    """Error against time on three starts."""
+    figure, panels = plt.subplots(1, 3, figsize=(12.0, 6.0), sharey=True, sharex=True)
+    for axes, (problem, title) in zip(panels, PANELS, strict=True):
+        for name in LOOKS:
+            if name not in SAME:
+                _line(axes, select(records, problem=problem, scheme=name), "seconds", "error_max", name)
+        axes.set(title=title, xlabel="time of the whole solution, one core (s)", ylim=(1e-15, 3))
+    panels[0].set_ylabel("largest error over the path / largest |y|")
+    _slope(panels[0], 6e-2, 3e-8, 2.6e-1, -4, "t$^{-4}$", "right")
+    _slope(panels[1], 4e-2, 5e-6, 2e-1, -2, "t$^{-2}$", "right")
+    _slope(panels[2], 2e-2, 5e-1, 2e-1, -0.5, "t$^{-1/2}$", "right")
+    _slope(panels[2], 2e-2, 5e-4, 2e-1, -1, "t$^{-1}$", "right")
+    figure.suptitle("A digit costs a fixed-step scheme a multiple of its time, and after a jump far more; collocation pays a few steps, jump or not")
+    _legend(figure, panels[0], 6)
+    return figure
+
+
+def draw_convergence(records: list[Record]) -> Any:
+    """Error against the step of the fixed-step schemes."""
+    figure, panels = plt.subplots(1, 3, figsize=(12.0, 6.0), sharey=True)
+    for axes, (problem, title) in zip(panels, PANELS, strict=True):
+        for name in LOOKS:
+            if name not in (*SAME[:1], "Collocation", "Exponential(3)"):
+                rows = [dict(r, h=4.0 / r["n"]) for r in select(records, problem=problem, scheme=name)]
+                _line(axes, rows, "h", "error_max", name)
+        axes.set(title=title, xlabel="step h (s)", ylim=(1e-12, 3))
+    panels[0].set_ylabel("largest error over the nodes / largest |y|")
+    for x0, y0, order, label in ((8e-3, 1.3e-1, 0.5, "h$^{1/2}$"), (8e-3, 2.5e-5, 2, "h$^2$"), (8e-3, 6e-12, 4, "h$^4$")):
+        _slope(panels[0], 4.0 * x0, y0 * 4.0**order, x0, order, label)
+    for x0, y0, order, label in ((8e-3, 1.5e-5, 1.5, "h$^{3/2}$"), (8e-3, 1.5e-7, 2, "h$^2$")):
+        _slope(panels[1], 4.0 * x0, y0 * 4.0**order, x0, order, label)
+    for x0, y0, order, label in ((8e-3, 2.5e-1, 0.5, "h$^{1/2}$"), (8e-3, 1.5e-4, 1, "h")):
+        _slope(panels[2], 4.0 * x0, y0 * 4.0**order, x0, order, label)
+    figure.suptitle("The same schemes, the same steps: after a jump the degree of a scheme no longer counts")
+    _legend(figure, panels[0], 6)
+    return figure
+
+
+def draw_orders(found: dict[str, dict[str, float]], declared: dict[str, float]) -> Any:
+    """Measured order of every scheme before and after a jump."""
+    names = [name for name in found if name != "Windowed, fitted tail"]
+    figure, axes = plt.subplots(figsize=(9.0, 6.0))
+    for row, name in enumerate(reversed(names)):
+        values = found[name]
+        known = [v for v in values.values() if v is not None]
+        axes.plot([min(known), max(known)], [row, row], color="#cccccc", linewidth=2.0, zorder=1)
+        axes.plot([declared[name]] * 2, [row - 0.3, row + 0.3], color=BLUE, linewidth=2.0, label="declared" if row == 0 else None)
+        for kind, (colour, marker) in KINDS.items():
+            if values.get(kind) is not None:
+                axes.plot(values[kind], row, marker, color=colour, markersize=8, linestyle="none", label=kind if row == 0 else None)
+    axes.set_yticks(range(len(names)), list(reversed(names)))
+    axes.set(xlabel="measured exponent of the step h in the largest error over the path", xlim=(-0.1, 4.5))
+    axes.set_title("What a jump does to the order: green before, red and black after")
+    _legend(figure, axes, 5)
+    return figure
+
+
+def draw_impacts(records: list[Record], fits: dict[str, dict[str, float]], target: float) -> Any:
+    """Impact-time error against time on the bouncing sphere."""
+    figure, axes = plt.subplots(figsize=(9.0, 5.8))
+    _line(axes, select(records, scheme="Collocation"), "seconds", "error_max", "Collocation", label="Collocation (all ten impacts)")
+    for name in LOOKS:
+        if name not in (*SAME, "Collocation"):
+            _line(axes, select(records, scheme=name), "seconds", "error_first", name, label=name)
+    best = min(fits, key=lambda name: fits[name]["seconds"])
+    fit = fits[best]
+    start = fit["seconds"] * fit["n"] / fit["steps"]
+    at = np.geomspace(start, fit["seconds"], 30)
+    axes.loglog(at, target * (at / fit["seconds"]) ** -max(fit["order"], 1.0), ":", color=LOOKS[best][0], linewidth=1.6)
+    middle = np.sqrt(start * fit["seconds"])
+    height = target * (middle / fit["seconds"]) ** -max(fit["order"], 1.0)
+    text = f"extrapolated, slope −{max(fit['order'], 1.0):.3g}"
+    axes.annotate(text, (middle, height), xytext=(6, 6), textcoords="offset points", color="#666666", fontsize=9)
+    axes.axhline(target, color="#999999", linestyle=":")
+    axes.annotate(short(target), (axes.get_xlim()[0], target), xytext=(2, 3), textcoords="offset points", color="#666666", fontsize=9)
+    axes.set(xlabel="time of the whole solution, one core (s)", ylabel="largest error of the impact times (s)", ylim=(1e-13, 3))
+    axes.set_title("Bouncing sphere: collocation finds all ten impacts, fixed steps snap the first three to the grid")
+    _legend(figure, axes, 3)
+    return figure
+
+
+def draw_tolerance(records: list[Record]) -> Any:
+    """Error against the tolerance asked for."""
+    figure, axes = plt.subplots(figsize=(8.0, 6.0))
+    looks = zip((BLACK, GREY, ORANGE, RED, SKY, BLUE, GREEN, YELLOW, PINK, PURPLE), "ox^sPDv<X*", strict=True)
+    rows = select(records, scheme="Collocation")
+    for name, (colour, marker) in zip(dict.fromkeys(r["problem"] for r in rows), looks, strict=False):
+        found = [r for r in rows if r["problem"] == name and r["error_max"]]
+        axes.loglog([r["rtol"] for r in found], [r["error_max"] for r in found], color=colour, marker=marker, label=name, linewidth=1.0)
+    asked = np.array([1e-11, 1e-3])
+    for times, label in ((1.0, "error = rtol"), (10.0, "10 rtol")):
+        axes.loglog(asked, times * asked, color="#666666", linestyle="-" if times == 1.0 else ":", linewidth=1.4)
+        axes.annotate(label, (8.5e-12, times * 1e-11), color="#666666", fontsize=9, va="center")
+    axes.set(xlabel="rtol asked for", ylabel="largest error / largest |y| (bouncing: of the impact times, s)", xlim=(1.5e-12, 2e-3), ylim=(1e-16, 1e-1))
+    axes.invert_xaxis()
+    axes.set_title("Largest error of the whole path: collocation keeps its tolerance, through jumps and impacts")
+    _legend(figure, axes, 5)
+    return figure
+
+
+def draw_by_impacts(records: list[Record], slope: float, level: float) -> Any:
+    """Time against the number of impacts."""
+    figure, axes = plt.subplots(figsize=(7.0, 4.4))
+    count = [r["n"] for r in records]
+    axes.plot(count, [1e3 * r["seconds"] for r in records], "*", color=PURPLE, markersize=11, linestyle="none", label="measured")
+    ends = np.array([0, max(count)])
+    axes.plot(ends, 1e3 * (level + slope * ends), ":", color="#666666", label=f"line: {1e3 * slope:.2f} ms per impact")
+    axes.set(xlabel="impacts", ylabel="time of the whole solution, one core (ms)", xlim=(0, None), ylim=(0, None))
+    axes.set_title("Collocation, rtol 1e-6: every impact costs the same")
+    axes.legend(loc="upper left")
+    return figure
+
+
+def draw_marge3d(found: Record) -> Any:
+    """The vortex problem of marge3d."""
+    figure, axes = plt.subplots(figsize=(8.0, 5.0))
+    looks = {"marge3d, order 2": (GREEN, "^"), "marge3d, order 3": (BLUE, "D"), "Collocation": (PURPLE, "*")}
+    for name, (colour, marker) in looks.items():
+        rows = [r for r in found["records"] if r["solver"] == name]
+        axes.loglog([r["seconds"] for r in rows], [r["error_max"] for r in rows], color=colour, marker=marker, markersize=9, label=name)
+        for r in rows:
+            text = f"{r['size']:g}" if name != "Collocation" else f"rtol {short(r['size'])}"
+            if name != "Collocation" or r is rows[0] or r is rows[-1]:
+                axes.annotate(text, (r["seconds"], r["error_max"]), xytext=(7, 3), textcoords="offset points", color=colour, fontsize=8)
+    axes.axhline(found["best"], color="#999999", linestyle=":")
+    axes.set(xlabel="time, set-up included, one core (s)", ylabel="largest error of the position over the path (–)")
+    axes.set_title("marge3d's own vortex problem (numbers at its points: steps)")
+    _legend(figure, axes, 3)
+    return figure
+
+
+PAGE = Page("solver", solver, SUITES)

@@ -83,3 +83,62 @@ const seen = new IntersectionObserver((changes) => {
   }
 }, { rootMargin: "-30% 0px -69% 0px" });
 for (const part of document.querySelectorAll(".front, article")) seen.observe(part);
+
+// Search: paragraphs, table rows and figures that hold all the words; each leads to itself, under the section it stands in.
+const search = document.querySelector(".search");
+const asked = search.querySelector("input");
+const hits = search.querySelector(".found");
+const plain = (text) => text.toLowerCase().replace(/[\s\u00a0]+/g, " ");
+let blocks = null;
+function collect() {
+  const found = [];
+  for (const article of document.querySelectorAll("article")) {
+    let heading = null;
+    for (const part of article.querySelectorAll("h2, h3, h4, p, li, tr, pre, figure")) {
+      if (part.parentElement.closest("p, li, figure")) continue;
+      if (/^H[234]$/.test(part.tagName)) heading = part;
+      const text = part.tagName === "FIGURE" ? part.querySelector("img").alt : part.textContent;
+      found.push({ part, heading, title: plain(heading?.textContent ?? ""), text, own: plain(text) });
+    }
+  }
+  return found;
+}
+function excerpt(text, word) {
+  const place = Math.max(0, plain(text).indexOf(word) - 40);
+  return (place ? "…" : "") + text.slice(place, place + 140).trim() + (text.length > place + 140 ? "…" : "");
+}
+function show() {
+  const sought = plain(asked.value).trim().split(" ").filter(Boolean);
+  hits.hidden = !sought.length;
+  hits.replaceChildren();
+  if (!sought.length) return;
+  blocks ??= collect();
+  const all = blocks.filter(({ own, title }) => sought.every((word) => own.includes(word) || title.includes(word)) && sought.some((word) => own.includes(word)));
+  const count = document.createElement("p");
+  count.textContent = all.length > 40 ? `the first 40 of ${all.length}` : all.length ? `${all.length} found` : "nothing found";
+  hits.append(count);
+  all.sort((a, b) => /^H/.test(b.part.tagName) - /^H/.test(a.part.tagName));
+  for (const { part, heading, text } of all.slice(0, 40)) {
+    const link = document.createElement("a");
+    link.href = `#${heading?.id ?? "top"}`;
+    const above = document.createElement("strong");
+    above.textContent = heading?.textContent ?? "";
+    link.append(above, ...(part === heading ? [] : [document.createElement("br"), excerpt(text, sought.find((word) => plain(text).includes(word)) ?? "")]));
+    link.addEventListener("click", (event) => {
+      event.preventDefault();
+      hits.hidden = true;
+      part.scrollIntoView({ block: "center" });
+      part.classList.add("sought");
+      setTimeout(() => part.classList.remove("sought"), 2000);
+    });
+    hits.append(link);
+  }
+}
+asked.addEventListener("input", show);
+asked.addEventListener("focus", show);
+document.addEventListener("click", (event) => { if (!search.contains(event.target)) hits.hidden = true; });
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape") { hits.hidden = true; asked.blur(); }
+  if (event.key === "/" && document.activeElement !== asked) { event.preventDefault(); asked.focus(); }
+});
+search.hidden = false;

@@ -5,7 +5,8 @@ import pytest
 
 from bench import hand_written
 from bench.suites import flights as suite
-from reports import build, flights, page
+from reports import build, flights
+from reports.site import page
 from saltation.flight.setup import Grain
 
 JUMPS = 40
@@ -73,10 +74,10 @@ def test_half_the_tolerance_changes_means_by_less_than_it_claims():
 
 def test_the_page_is_made_from_data_alone(tmp_path, monkeypatch):
     data = build.load(page.HERE / "data")
-    monkeypatch.setattr(flights, "save", lambda figure, name: build.figures.save(figure, tmp_path, name))
     found = data["flights"]
     found["campaign"] = {"status": "skipped", "reason": "only with --full"}
     found["starting"]["first"] = None
-    text = flights.flights(data)
+    with page.into(tmp_path):
+        text = flights.flights(data)
     assert "skipped: only with --full" in text
-    assert {path.stem for path in tmp_path.iterdir()} == {"flights_accuracy", "flights_convergence"}
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == {"flights_accuracy", "flights_convergence"}

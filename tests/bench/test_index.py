@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import headless
 import pytest
 
 from reports import build
-from reports.index import index, keys, lean, line, number
-from reports.page import HERE, footer, load
+from reports.site.index import index, keys, lean, line, number
+from reports.site.page import HERE, Page
 
 VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}
-TEXTS = [(HERE / page.file).read_text(encoding="utf-8") for page in build.PAGES]
+PAGES = [replace(page, text=(HERE / page.file).read_text(encoding="utf-8")) for page in build.PAGES if (HERE / page.file).exists()]
+TEXTS = [page.text for page in PAGES]
 TIMES = r"/^[\d.]+\s(ns|µs|ms|s)$/"
 
 
@@ -44,9 +46,7 @@ class Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def made():
     """The page of the committed pages, made by a function so that it can be made again."""
-    data = load(HERE / "data")
-    openings, end = [page.opening(data) for page in build.PAGES], footer(data)
-    return lambda: index(build.PAGES, TEXTS, openings, end, build.PICTURES)
+    return lambda: index(PAGES, build.END, build.PICTURES)
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +59,23 @@ def read(text):
     return Reader(text)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_opens_with_three_sentences_and_ends_with_who_measured(page):
+    assert len(page.opening) == 3 and all(sentence.endswith(".") for sentence in page.opening)
+    assert re.search(r"\n---\n\nMade by .* measured by:\n\n(\* .*: `python -m bench.*`, .*\n)+$", page.text)
+
+
+def test_the_front_page_is_read_in_a_minute():
+    listed = [line for line in build.front(PAGES).splitlines() if line.startswith("* ")]
+    assert len(listed) == len(PAGES) and len(" ".join(listed).split()) <= 45 * len(PAGES)  # titles and signs are words here
+
+
 def test_every_element_is_closed_and_every_id_is_its_own(read):
     assert not read.wrong
     ids = [attributes["id"] for _, attributes in read.elements if "id" in attributes]
     assert [name for name, times in Counter(ids).items() if times > 1] == []
     headings = [attributes["id"] for tag, attributes in read.elements if re.fullmatch("h[2-5]", tag) and "id" in attributes]
-    assert all(any(name == page.name or name.startswith(f"{page.name}-") for page in build.PAGES) for name in headings)
+    assert all(any(name == page.name or name.startswith(f"{page.name}-") for page in PAGES) for name in headings)
 
 
 def test_it_needs_nothing_but_itself(read, text):
@@ -97,14 +108,23 @@ def test_labels_keep_their_digits(name):
 def test_links_within_lead_somewhere(read):
     ids = {attributes["id"] for _, attributes in read.elements if "id" in attributes}
     addresses = [attributes["href"] for attributes in read.each("a")]
-    assert {f"#{page.name}" for page in build.PAGES} <= set(addresses)
+    assert {f"#{page.name}" for page in PAGES} <= set(addresses)
     assert [address for address in addresses if not (address.startswith("https://") or address[1:] in ids)] == []
 
 
 def test_dead_links_are_not_built():
-    page = build.PAGES[0]
+    page = replace(build.PAGES[0], text="# A\n\n[b](nowhere.md)")
     with pytest.raises(ValueError, match=r"quadrature\.md links to nowhere\.md"):
-        index([page], ["# A\n\n[b](nowhere.md)"], ["c"], "d", [])
+        index([page], "d", [])
+
+
+def test_examples_have_a_part_of_their_own_once_there_are_some():
+    page = replace(build.PAGES[0], text="# A\n\nB.")
+    shown = Page("example-fall", lambda data: "", (), text="# A sphere falls\n\nInto oil.")
+    assert "Examples" not in index([page], "d", [])
+    text = index([page], "d", [], [shown])
+    assert Reader(text).wrong == []
+    assert "<h2 id='examples'>Examples</h2>" in text and text.count("href='#example-fall'") == 2 and '<h2 id="example-fall">A sphere falls</h2>' in text
 
 
 def test_the_same_pages_give_the_same_bytes(made, text):
@@ -246,6 +266,20 @@ def test_a_click_sorts_times_whatever_their_units(shown):
     shown.value("head.querySelector('button').focus()")
     shown.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r")
     assert shown.value("head.getAttribute('aria-sort')") == "ascending"
+
+
+def test_search_finds_what_holds_all_words_and_leads_there(shown):
+    def ask(words):
+        shown.value(f"asked.value = {words!r}; asked.dispatchEvent(new Event('input'))")
+        return shown.value("[...hits.querySelectorAll('a')].map(link => link.textContent)")
+
+    assert ask("") == [] and shown.value("hits.hidden")
+    assert ask("zyzzyva") == [] and shown.value("hits.textContent") == "nothing found"
+    found = ask("Semi-Derivative Simpson")
+    assert found and all("semi-derivative" in text.lower() or "simpson" in text.lower() or "…" in text for text in found)
+    assert len(found) < len(ask("semi-derivative"))
+    shown.value("scrollTo(0, 0); hits.querySelector('a').click()")
+    assert shown.value("scrollY") > 0 and shown.value("hits.hidden") and shown.value("document.querySelectorAll('.sought').length") == 1
 
 
 def test_dark_follows_the_system_and_the_reader(shown):

@@ -7,7 +7,8 @@ import pytest
 
 import basset
 from bench.suites import scenes as suite
-from reports import build, page, scenes, scenes_figures
+from reports import build, scenes
+from reports.site import page
 from saltation.scene import scene_of
 
 ALL = [contender.scheme for contender in suite.CONTENDERS]
@@ -98,7 +99,7 @@ def test_an_error_within_its_scatter_is_an_upper_bound():
     assert not scenes.scatters(told, "height") and scenes.scatters(untold, "height")
     assert scenes.upper(told, "height") == pytest.approx(0.012) and scenes.upper(untold, "height") == pytest.approx(2.1e-3)
     assert scenes.error_cell(told, "height") == "-1" and scenes.error_cell(untold, "height") == "≤ 0.2"
-    assert scenes_figures._points([untold], "length") == [(1e3, pytest.approx(0.21), False)]
+    assert scenes._points([untold], "length") == [(1e3, pytest.approx(0.21), False)]
 
 
 def test_an_error_that_is_small_by_cancellation_counts_in_full():
@@ -120,16 +121,16 @@ def test_the_cheapest_keeps_its_error_at_all_finer_steps():
 
 
 def test_steps_are_short():
-    assert [scenes_figures.step(x) for x in (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5, 1e-5)] == ["0.01", "0.004", "0.001", "2.5e-4", "6.25e-5", "1e-5"]
+    assert [scenes.step_of(x) for x in (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5, 1e-5)] == ["0.01", "0.004", "0.001", "2.5e-4", "6.25e-5", "1e-5"]
 
 
-def test_the_page_is_made_from_data_alone(tmp_path, monkeypatch):
+def test_the_page_is_made_from_data_alone(tmp_path):
     data = build.load(page.HERE / "data")
-    monkeypatch.setattr(scenes, "save", lambda figure, name: build.figures.save(figure, tmp_path, name))
-    text = scenes.scenes(data)
+    with page.into(tmp_path):
+        text = scenes.scenes(data)
     assert all(name in text for name in ALL)
-    assert {path.stem for path in tmp_path.iterdir()} == {"scenes_accuracy", "scenes_reset", "scenes_windows"}
-    assert text.startswith("# Accuracy against time") and scenes.opening(data) in text
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == {"scenes_accuracy", "scenes_reset", "scenes_windows"}
+    assert text.startswith("# Accuracy against time")
 
 
 def test_what_is_out_of_reach_is_extrapolated_as_the_root_of_the_step():

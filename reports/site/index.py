@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from PIL import Image
 
-from reports.page import Page, Picture, fill, folder, template
+from reports.site.page import Page, Picture, fill, folder, template
 
 BLANKS = re.compile(  # inside quantities, where no line may break: digits, units, uncertainties, symbols before their values
     r"(?<=\d) (?=\d{3}(?!\d)|[×%]|(?:ns|µs|ms|s|[kMG]?B|mm|m|d)\b)| (?=± )|(?<=±) |(?:(?<=\b[^\W\d])|(?<=_[^\W\d])) (?=[-−+]?\d)"
@@ -242,29 +242,44 @@ def pictured(picture: Picture) -> str:
     return f"<a href='#{picture.page}'><figure>{image}<figcaption>{escape(picture.line)}</figcaption></figure></a>"
 
 
-def summary(page: Page, opening: str, pages: Sequence[Page]) -> str:
-    """What a page says in short."""
-    said = "\n".join(f"* {sentence}".replace("\n", "\n  ") for sentence in re.split(r"(?<=[.:])\n", opening))
-    about = body(page.description, page.file, pages)[0].strip()
-    return f"<section>\n<h2>{anchor(page.name, page.title)}</h2>\n<div class='about'>{about}</div>\n{body(said, page.file, pages)[0]}</section>"
+def summary(page: Page, pages: Sequence[Page]) -> str:
+    """The first sentence of a page, under its title."""
+    said = "\n\n".join([page.opening[0], *([page.note] if page.note else [])])
+    return f"<section>\n<h2>{anchor(page.name, page.title)}</h2>\n{body(said, page.file, pages)[0]}</section>"
 
 
-def index(pages: Sequence[Page], texts: Sequence[str], openings: Sequence[str], footer: str, pictures: Sequence[Picture]) -> str:
-    """The whole of index.html from every page's Markdown and opening, and the front page's footer and pictures."""
+def chapter(name: str, html: str) -> str:
+    """A page's part."""
+    return f"<article aria-labelledby='{name}'>\n{html}</article>"
+
+
+def gallery(examples: Sequence[Page], pages: Sequence[Page]) -> tuple[str, str]:
+    """The examples' entry in the contents and their part, both empty if there are none."""
+    if not examples:
+        return "", ""
+    entries = "".join(f"<li>{anchor(page.name, page.title)}</li>" for page in examples)
+    cards = "\n".join(f"<section>\n{body(page.text, page.file, pages)[0]}</section>" for page in examples)
+    part = chapter("examples", f"<h2 id='examples'>Examples</h2>\n<div class='examples'>\n{cards}\n</div>\n")
+    return f"<li>{anchor('examples', 'Examples')}<ul>{entries}</ul></li>", part
+
+
+def index(pages: Sequence[Page], footer: str, pictures: Sequence[Picture], examples: Sequence[Page] = ()) -> str:
+    """The whole of index.html from every page, the front page's footer and pictures, and what is in the gallery."""
     entries, chapters = [], []
-    for page, text in zip(pages, texts, strict=True):
-        html, sections = body(text, page.file, pages)
+    for page in pages:
+        html, sections = body(page.text, page.file, pages)
         inner = "".join(f"<li>{anchor(*section)}</li>" for section in sections)
         entries.append(f"<li>{anchor(page.name, page.title)}<ul>{inner}</ul></li>")
-        chapters.append(f"<article aria-labelledby='{page.name}'>\n{html}</article>")
-    listed = "\n".join(entries)
+        chapters.append(chapter(page.name, html))
+    entry, part = gallery(examples, pages)
+    listed = "\n".join(each for each in (*entries, entry) if each)
     return fill(
         "index.html",
         style=template("index.css"),
         script=template("index.js"),
         contents=f"<ul><li>{anchor('top', 'Summary')}</li>\n{listed}</ul>",
         pictures="\n".join(map(pictured, pictures)),
-        summaries="\n".join(summary(page, opening, pages) for page, opening in zip(pages, openings, strict=True)),
-        chapters="\n".join(chapters),
+        summaries="\n".join(summary(page, pages) for page in pages),
+        chapters="\n".join(each for each in (*chapters, part) if each),
         footer=body(footer, "README.md", pages)[0],
     )

@@ -1,8 +1,9 @@
-"""What every page is made of: templates, tables, figures' files, numbers as people write them, and who measured."""
+"""What every page is made of: templates, tables, figures' files, and who measured."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -12,10 +13,12 @@ from typing import Any
 
 import matplotlib as mpl
 
-from reports import figures
-from reports.analysis import Record, Target
+mpl.use("Agg")
+import matplotlib.pyplot as plt
 
-HERE = Path(__file__).resolve().parent  # the committed pages, and what they are made from
+from reports.words import Record, Words
+
+HERE = Path(__file__).resolve().parents[1]  # the committed pages, and what they are made from
 _FOLDER: ContextVar[Path] = ContextVar("folder of the pages", default=HERE)
 
 
@@ -36,21 +39,32 @@ def folder() -> Path:
 
 @dataclass(frozen=True)
 class Page:
-    """One page: how the front page presents it, and what makes it."""
+    """One page: what makes it, from whose data, and its text once it is made."""
 
     name: str  # of its file without .md, and of its part of index.html
-    title: str
-    description: str  # one line of Markdown
-    opening: Callable[[dict[str, Record]], str]  # its sentences to take away
-    lead: str  # the figure that stands for it, a file in reports/figures
-    shows: str  # what that figure shows
     build: Callable[[dict[str, Record]], str]
     suites: tuple[str, ...]  # whose data it shows
+    text: str = ""
 
     @property
     def file(self) -> str:
         """Its file in reports."""
         return f"{self.name}.md"
+
+    @property
+    def title(self) -> str:
+        """The text's first line."""
+        return self.text.split("\n", 1)[0].removeprefix("# ")
+
+    @property
+    def opening(self) -> list[str]:
+        """The sentences to take away, a line of the template each."""
+        return next(part for part in self.text.split("\n\n")[1:] if not part.startswith("*")).split("\n")
+
+    @property
+    def note(self) -> str:
+        """What it says of data that was not measured with the rest."""
+        return next((part for part in self.text.split("\n\n")[1:2] if part.startswith("*")), "")
 
 
 @dataclass(frozen=True)
@@ -72,14 +86,16 @@ def load(data: Path) -> dict[str, Record]:
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(data.glob("*.json"))}
 
 
-def template(name: str) -> str:
-    """A file of reports/templates."""
-    return (HERE / "templates" / name).read_text(encoding="utf-8").rstrip()
+def template(name: str, part: str = "") -> str:
+    """A file of reports/templates: its first part, or the one that follows the line `%% part`."""
+    parts = (HERE / "templates" / name).read_text(encoding="utf-8").split("\n%% ")
+    found = {head: text for head, _, text in (each.partition("\n") for each in parts[1:])}
+    return (found[part] if part else parts[0]).strip()
 
 
-def fill(name: str, **values: Any) -> str:
-    """A template with its fields filled."""
-    return template(name).format(**values)
+def fill(name: str, part: str = "", /, **values: Any) -> str:
+    """A template with its fields filled: records by their keys, numbers in the forms of `reports.words`."""
+    return Words().vformat(template(name, part), (), values)
 
 
 def write(path: Path, text: str) -> None:
@@ -94,24 +110,21 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") 
     return "\n".join(indent + "| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
 
 
-def grouped(number: float) -> str:
-    """A whole number in groups of three."""
-    return f"{number:,.0f}".replace(",", " ")
-
-
-def factor(ratio: float) -> str:
-    """A ratio with two digits."""
-    return f"{ratio:.2g}" if ratio < 100 else grouped(float(f"{ratio:.2g}"))
-
-
-def asked(targets: Sequence[Target]) -> str:
-    """What was asked beside what was measured, as a table."""
-    return table(["", "asked", "measured", ""], [[row.what, row.asked, row.measured, "met" if row.met else "**missed**"] for row in targets])
+def _alternative(figure: Any) -> str:
+    """A figure's title, or those of its panels, as plain text."""
+    titles = [figure.get_suptitle()] if figure.get_suptitle() else [axes.get_title() for axes in figure.axes]
+    text = "; ".join(dict.fromkeys(" ".join(title.split()) for title in titles if title))
+    return re.sub(r"\\\w+|[$\\{}\[\]]", "", text)
 
 
 def save(figure: Any, name: str) -> str:
-    """The figure's files, and the Markdown that shows it."""
-    return figures.save(figure, folder() / "figures", name)
+    """Write figures/NAME.svg and .png, without dates; the Markdown that shows the figure, its title as the text for those who do not see it."""
+    own = folder() / "figures"
+    own.mkdir(parents=True, exist_ok=True)
+    figure.savefig(own / f"{name}.svg", metadata={"Date": None})
+    figure.savefig(own / f"{name}.png", dpi=150, metadata={"Software": None})
+    plt.close(figure)
+    return f"![{_alternative(figure) or name.replace('_', ' ')}](figures/{name}.png)\n\n([SVG](figures/{name}.svg))"
 
 
 def alike(data: dict[str, Record], form: str) -> dict[str, list[str]]:
