@@ -1,4 +1,4 @@
-"""The only file, with `_places`, that knows numba: compiled functions that survive on disk until a source file changes.
+"""The only file, with `_places` and `_pipeline`, that knows numba: compiled functions that survive on disk until a source file changes.
 
 numba's disk cache keys a function by its own file and misses edits in what it imports. Every compiled function here is
 made by a factory that closes over the digest of the sources of its package and of basset: the digest is part of numba's
@@ -112,22 +112,25 @@ def _announce(numba: Any) -> None:
 SEPARATE: set[str] = set()
 UNDER_WAY: list[tuple[float, bool]] = []  # of what is being compiled, outermost first: since when, and whether it is ours
 WHOLE: set[str] = set()  # names of functions that are entered from Python
+BARE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # nobody but compiled code calls it
+
+
+@when_loaded
+def _short(numba: Any) -> None:
+    """Send our functions through the short pipeline."""
+    BARE["pipeline_class"] = importlib.import_module("basset._pipeline").Plain
 
 
 @when_loaded
 def _optimise_once(numba: Any) -> None:
-    """Have only whole functions optimised and made executable, not everything that they are put together from as well."""
+    """Have only whole functions linked, optimised and made executable, not everything that they are put together from as well."""
     library, context = numba.core.codegen.CPUCodeLibrary, numba.core.cpu.CPUContext
-    optimise, finish, executable = library._optimize_final_module, library._finalize_final_module, context.get_executable
+    finish, executable, wrap = library.finalize, context.get_executable, context.create_cfunc_wrapper
 
     def inner(library: Any) -> bool:
         return bool(UNDER_WAY) and UNDER_WAY[0][1] and library.name not in WHOLE
 
-    def _optimize_final_module(self: Any) -> None:
-        if not inner(self):
-            optimise(self)
-
-    def _finalize_final_module(self: Any) -> None:
+    def finalize(self: Any) -> None:
         if inner(self):
             if self.name in SEPARATE:
                 for function in self._final_module.functions:
@@ -136,12 +139,18 @@ def _optimise_once(numba: Any) -> None:
             self._finalize_dynamic_globals()
             self._finalized = True
         else:
+            for part in self._linking_libraries:  # which grows meanwhile
+                self._linking_libraries += [library for library in part._linking_libraries if library not in self._linking_libraries]
             finish(self)
 
     def get_executable(self: Any, library: Any, description: Any, environment: Any) -> Any:
         return [].append if inner(library) else executable(self, library, description, environment)
 
-    library._optimize_final_module, library._finalize_final_module, context.get_executable = _optimize_final_module, _finalize_final_module, get_executable
+    def create_cfunc_wrapper(self: Any, library: Any, *arguments: Any) -> None:
+        if not inner(library):
+            wrap(self, library, *arguments)
+
+    library.finalize, context.get_executable, context.create_cfunc_wrapper = finalize, get_executable, create_cfunc_wrapper
 
 
 def _kept(event: Any) -> Keeper | None:
@@ -342,7 +351,7 @@ def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:
     # the name is part of the files': those of other sources may hold types that are no more, and cannot be read
     plain.__qualname__ += "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
     WHOLE.add(plain.__qualname__)
-    function = compiler().njit(**options)(plain)
+    function = compiler().njit(pipeline_class=BARE["pipeline_class"], **options)(plain)
     if is_compiled(function):
         function._cache = Keeper(plain, usually)
     return function
@@ -353,9 +362,6 @@ def is_compiled(function: Any) -> bool:
     if isinstance(function, Compiled):
         function = function._made()
     return "numba" in sys.modules and isinstance(function, compiler().core.dispatcher.Dispatcher)
-
-
-BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # nobody but compiled code calls it
 
 
 def shared(function: Function) -> Function:
@@ -609,7 +615,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return getattr(self, name)(a, b, c)
 
     def compiled_one(self, a):
-        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
+        found = compiler().extending.register_jitable(**BARE)(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a):
             return found(self, a)
@@ -617,7 +623,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return call
 
     def compiled_two(self, a, b):
-        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
+        found = compiler().extending.register_jitable(**BARE)(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a, b):
             return found(self, a, b)
@@ -625,7 +631,7 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
         return call
 
     def compiled_three(self, a, b, c):
-        found = compiler().extending.register_jitable(getattr(getattr(self, "kind", self).instance_class, name))
+        found = compiler().extending.register_jitable(**BARE)(getattr(getattr(self, "kind", self).instance_class, name))
 
         def call(self, a, b, c):
             return found(self, a, b, c)
