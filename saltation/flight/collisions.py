@@ -27,7 +27,7 @@ from basset.solvers import stepper
 from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
 from saltation.bed.contact import strike_pair
-from saltation.flight import layout, loop
+from saltation.flight import contact, equations, layout, loop
 from saltation.flow import both
 from saltation.grain import Triple
 
@@ -662,7 +662,7 @@ def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, the
     g, p = parts.steps.flight, parts.steps.flight.parts
     numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
     write_samples(g.model, crowd, samples, i, polynomial, now, p.room.before)
-    loop.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    contact.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
     call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
 
@@ -676,14 +676,14 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> 
     if crowd.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
         write_samples(model, crowd, samples, i, p.room.polynomial, now, p.room.before)
-        loop.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        contact.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
-            p.equation.own[3] = loop.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
+            p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i])
     if crowd.own[i] == KINK:
-        loop.cross(model, p)
+        equations.cross(model, p)
         return ACCEPTED
     count = logs.count
     row = index(count[0])
@@ -706,7 +706,7 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
-    spin_one, spin_two = loop.spin_of(model, first, crowd.spin[i]), loop.spin_of(model, second, crowd.spin[j])
+    spin_one, spin_two = contact.spin_of(model, first, crowd.spin[i]), contact.spin_of(model, second, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = world.restitution
     if closing > 0.0 and restitution * closing < world.slowest:
@@ -723,9 +723,9 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         grain = i if side == 0 else j
         take(crowd, grain, g)
         k = 23 + 3 * side
-        loop.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        contact.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
         if not g.limits.prescribed:
-            loop.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            contact.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
         put(crowd, grain, g)
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation.flight import collisions, layout, loop
+from saltation.flight import collisions, equations, layout
 from saltation.flight.collisions import UNTIL, empty_crowd
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
 from saltation.flow import both
@@ -72,7 +72,7 @@ class Cloud:
         crowd.jump[:] = crowd.y[:, d : d + members]
         crowd.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
         crowd.numbers[:, stepper.REFUSED] = NEVER
-        crowd.spin[:, 3] = [loop.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
+        crowd.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
         self.world = self._world() if "encounters" in scene.names else None
         cells = self.world.along * self.world.across if self.world is not None else 0
         self.heads = np.full(cells, -1, dtype=np.int32)
