@@ -140,7 +140,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
     set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)))
     take_off(flight, numbers[TIME], x, across, z, u, v, w)
-    y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.seal else ACCEPTED
+    y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.max_jumps else ACCEPTED
 
 
 land_entry = entry(landed, "some 3 s")
