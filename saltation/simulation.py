@@ -305,7 +305,7 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
                 fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
                 fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, stepper.TIME]), fate])
         if code != collisions.UNTIL:
-            return code, float(cloud.crowd.clock[grain]) if cloud.world is not None else clock, grain
+            return code, float(cloud.crowd.clock[grain]) if cloud.domain is not None else clock, grain
         clock = until
         progress(until)
     return code, clock, grain
@@ -313,7 +313,7 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
 
 def note(cloud: Cloud, known: dict[str, Any]) -> None:
     """Add what is special to encounters to the provenance."""
-    if cloud.world is not None:
+    if cloud.domain is not None:
         scene = cloud.engine.scene
         known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
 

@@ -80,7 +80,7 @@ class Timed:
     @property
     def bytes(self) -> float:
         """Memory per grain."""
-        return float(sum(array.nbytes for array in (*self.cloud.crowd, self.cloud.heads)) / self.number)
+        return float(sum(array.nbytes for array in (*self.cloud.crowd, self.cloud.first_in_cell)) / self.number)
 
 
 def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:

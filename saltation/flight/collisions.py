@@ -27,7 +27,7 @@ from basset.solvers import stepper
 from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
 from saltation.bed.contact import strike_pair
-from saltation.flight import layout, loop
+from saltation.flight import contact, equations, layout, loop
 from saltation.flow import both
 from saltation.grain import Triple
 
@@ -43,11 +43,11 @@ SLOPE = (3.0 / 20.0, -1.0 / 20.0, -5.0 / 28.0, 1.0 / 20.0, 1.0 / 35.0)
 CURVE = (1.0 / 60.0, 0.0, -1.0 / 42.0, 0.0, 1.0 / 140.0)
 
 
-class World(NamedTuple):
+class Domain(NamedTuple):
     """Periodic lengths (d, infinite where open), cells, the pair law, and how many encounters are a pile-up.
 
-    Grains that would part more slowly than `slowest` (V) part with it: without, grains that are pressed together meet
-    infinitely often in a finite time. `cascade`: encounters of one grain within one d/V.
+    Grains that would part more slowly than `minimum_separation_speed` (V) part with it: without, grains that are pressed together meet
+    infinitely often in a finite time. `collapse_limit`: encounters of one grain within one d/V.
     """
 
     length: float
@@ -58,8 +58,8 @@ class World(NamedTuple):
     across: int
     restitution: float
     friction: float
-    slowest: float
-    cascade: int
+    minimum_separation_speed: float
+    collapse_limit: int
 
 
 class Crowd(NamedTuple):
@@ -77,14 +77,14 @@ class Crowd(NamedTuple):
     share: Floats  # θ at which the step in hand ends
     path: Floats  # of the step in hand: its times, its chord, and bounds on what leaves the chord
     clock: Floats  # time of the next event
-    calm: Floats
+    counting_since: Floats  # when the count of encounters began
     sample: Any  # next sample to be written
     kind: Any  # of the next event
     own: Any  # what happens at the end of the step in hand
     partner: Any
     cell: Any
-    link: Any  # next grain in the same cell, −1 at the end
-    burst: Any  # encounters since `calm`
+    next_in_cell: Any  # next grain in the same cell, −1 at the end
+    encounter_count: Any  # encounters since then
     heap: Any  # grains in order of events
     place: Any  # of each grain in the heap
 
@@ -172,10 +172,10 @@ def sift(crowd: Crowd, grain: int) -> None:
 
 
 @shared
-def set_event(world: World | None, crowd: Crowd, grain: int, time: float, kind: int, partner: int) -> None:
+def set_event(domain: Domain | None, crowd: Crowd, grain: int, time: float, kind: int, partner: int) -> None:
     """Give a grain its next event."""
     crowd.clock[grain], crowd.kind[grain], crowd.partner[grain] = time, kind, partner
-    if world is not None:
+    if domain is not None:
         sift(crowd, grain)
 
 
@@ -183,30 +183,30 @@ def set_event(world: World | None, crowd: Crowd, grain: int, time: float, kind: 
 
 
 @shared
-def leave_cell(crowd: Crowd, heads: Any, grain: int) -> None:
+def leave_cell(crowd: Crowd, first_in_cell: Any, grain: int) -> None:
     """Take a grain out of its cell."""
-    cell, link = crowd.cell[grain], crowd.link
+    cell, next_in_cell = crowd.cell[grain], crowd.next_in_cell
     if cell < 0:
         return
-    if heads[cell] == grain:
-        heads[cell] = link[grain]
+    if first_in_cell[cell] == grain:
+        first_in_cell[cell] = next_in_cell[grain]
     else:
-        other = heads[cell]
-        while link[other] != grain:
-            other = link[other]
-        link[other] = link[grain]
+        other = first_in_cell[cell]
+        while next_in_cell[other] != grain:
+            other = next_in_cell[other]
+        next_in_cell[other] = next_in_cell[grain]
     crowd.cell[grain] = -1
 
 
 @shared
-def enter_cell(world: World, crowd: Crowd, heads: Any, grain: int) -> None:
+def enter_cell(domain: Domain, crowd: Crowd, first_in_cell: Any, grain: int) -> None:
     """Put a grain into the cell over the middle of its path; open worlds are folded, which only adds candidates."""
-    column = math.floor(crowd.path[grain, X] / world.cell_x) % world.along
-    row = math.floor(crowd.path[grain, Y] / world.cell_y) % world.across
-    cell = column * world.across + row
+    column = math.floor(crowd.path[grain, X] / domain.cell_x) % domain.along
+    row = math.floor(crowd.path[grain, Y] / domain.cell_y) % domain.across
+    cell = column * domain.across + row
     if cell != crowd.cell[grain]:
-        leave_cell(crowd, heads, grain)
-        crowd.cell[grain], crowd.link[grain], heads[cell] = cell, heads[cell], grain
+        leave_cell(crowd, first_in_cell, grain)
+        crowd.cell[grain], crowd.next_in_cell[grain], first_in_cell[cell] = cell, first_in_cell[cell], grain
 
 
 @shared
@@ -250,12 +250,12 @@ def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: 
 
 
 @shared
-def polynomial_of(parts: Parts, world: World | None, crowd: Crowd, grain: int, states: Floats) -> None:
+def polynomial_of(parts: Parts, domain: Domain | None, crowd: Crowd, grain: int, states: Floats) -> None:
     """The polynomial of the step in hand; among grains that meet its positions are the integral of a velocity."""
     numbers = crowd.numbers[grain]
     singular, h = int(numbers[SINGULAR]), numbers[STEP]
     stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, crowd.values[grain], states)
-    if world is not None:
+    if domain is not None:
         begin_with(parts.steps.flight.model, singular, h, crowd.y[grain], states)
 
 
@@ -284,9 +284,9 @@ def differentiate(model: layout.Model, singular: int, h: float, course: Course) 
 
 
 @shared
-def course_of(parts: Parts, world: World, crowd: Crowd, grain: int, course: Course) -> None:
+def course_of(parts: Parts, domain: Domain, crowd: Crowd, grain: int, course: Course) -> None:
     """The path of the step in hand."""
-    polynomial_of(parts, world, crowd, grain, course.states)
+    polynomial_of(parts, domain, crowd, grain, course.states)
     differentiate(parts.steps.flight.model, int(crowd.numbers[grain, SINGULAR]), crowd.numbers[grain, STEP], course)
 
 
@@ -346,7 +346,7 @@ def describe(model: layout.Model, singular: int, h: float, share: float, y: Floa
 
 
 @shared
-def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> bool:
+def passes(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> bool:
     """Whether two paths may come within one diameter in [start, end]."""
     middle = 0.5 * (start + end)
     at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
@@ -356,10 +356,10 @@ def passes(world: World, one: Floats, two: Floats, start: float, end: float) -> 
     z = two[Z] - one[Z] + two[W] * at_two - one[W] * at_one
     if abs(z) - abs(w) * half > near:
         return False
-    x = nearest(two[X] - one[X] + two[U] * at_two - one[U] * at_one, world.length)
+    x = nearest(two[X] - one[X] + two[U] * at_two - one[U] * at_one, domain.length)
     if abs(x) - abs(u) * half > near:
         return False
-    y = nearest(two[Y] - one[Y] + two[V] * at_two - one[V] * at_one, world.width)
+    y = nearest(two[Y] - one[Y] + two[V] * at_two - one[V] * at_one, domain.width)
     speed = u * u + v * v + w * w
     share = -(x * u + y * v + z * w)
     share = min(half, max(-half, share / speed)) if speed > 0.0 else 0.0
@@ -387,7 +387,7 @@ def at_time(model: layout.Model, crowd: Crowd, grain: int, course: Course, time:
 
 
 @shared
-def image(world: World, one: Floats, two: Floats, start: float, end: float) -> tuple[float, float]:
+def image(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> tuple[float, float]:
     """What to add to the second grain's x and y for its image that is the nearest midway through [start, end].
 
     The others stay away all the time: paths are 2 `REACH` long at most, boxes three times as long at least.
@@ -396,7 +396,7 @@ def image(world: World, one: Floats, two: Floats, start: float, end: float) -> t
     at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
     x = two[X] - one[X] + two[U] * at_two - one[U] * at_one
     y = two[Y] - one[Y] + two[V] * at_two - one[V] * at_one
-    return nearest(x, world.length) - x, nearest(y, world.width) - y
+    return nearest(x, domain.length) - x, nearest(y, domain.width) - y
 
 
 @shared
@@ -457,13 +457,13 @@ def meets(gap: float, rate: float, rounding: float) -> bool:
 
 
 @shared
-def meeting(model: layout.Model, world: World, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
+def meeting(model: layout.Model, domain: Domain, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
     """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond.
 
     Where they touch without closing in, the next look is when they may have sunk by half of what is left to `UNSEEN`: never beyond.
     """
     first, second = crowd.path[i], crowd.path[j]
-    shift = image(world, first, second, start, end)
+    shift = image(domain, first, second, start, end)
     rounding = 1e-12 + 1e-14 * abs(end)  # of positions, times and velocities
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
     bend = first[BEND] + second[BEND]
@@ -503,37 +503,37 @@ def meeting(model: layout.Model, world: World, crowd: Crowd, i: int, j: int, one
 
 
 @shared
-def seek(parts: Parts, world: World, crowd: Crowd, heads: Any, i: int, now: float, courses: Courses) -> None:
+def seek(parts: Parts, domain: Domain, crowd: Crowd, first_in_cell: Any, i: int, now: float, courses: Courses) -> None:
     """Find the earliest encounter of grain i in the step in hand, and make it the next event of both."""
     path = crowd.path
     mine = path[i]
     start, best, chosen = max(now, mine[BEGIN]), mine[END], index(-1)
-    column, row = math.floor(mine[X] / world.cell_x), math.floor(mine[Y] / world.cell_y)
+    column, row = math.floor(mine[X] / domain.cell_x), math.floor(mine[Y] / domain.cell_y)
     reach = 1.0 + REACH + 0.5 * (mine[END] - mine[BEGIN]) * math.sqrt(mine[U] ** 2 + mine[V] ** 2 + mine[W] ** 2) + mine[SPREAD]
-    long, wide = math.ceil(reach / world.cell_x), math.ceil(reach / world.cell_y)
+    long, wide = math.ceil(reach / domain.cell_x), math.ceil(reach / domain.cell_y)
     fitted = False
-    for p in range(min(2 * long + 1, world.along)):
-        for q in range(min(2 * wide + 1, world.across)):
-            j = index(heads[((column - long + p) % world.along) * world.across + (row - wide + q) % world.across])
+    for p in range(min(2 * long + 1, domain.along)):
+        for q in range(min(2 * wide + 1, domain.across)):
+            j = index(first_in_cell[((column - long + p) % domain.along) * domain.across + (row - wide + q) % domain.across])
             while j >= 0:
                 if j != i:
                     begin, end = max(start, path[j, BEGIN]), min(best, crowd.clock[j], path[j, END])
-                    if end > begin and passes(world, mine, path[j], begin, end):
+                    if end > begin and passes(domain, mine, path[j], begin, end):
                         if not fitted:
-                            course_of(parts, world, crowd, i, courses[0])
+                            course_of(parts, domain, crowd, i, courses[0])
                             fitted = True
-                        course_of(parts, world, crowd, j, courses[1])
-                        time = meeting(parts.steps.flight.model, world, crowd, i, j, courses[0], courses[1], begin, end)
+                        course_of(parts, domain, crowd, j, courses[1])
+                        time = meeting(parts.steps.flight.model, domain, crowd, i, j, courses[0], courses[1], begin, end)
                         if abs(time) < best:
                             best, chosen = abs(time), j if time >= 0.0 else index(-1)
-                j = index(crowd.link[j])
+                j = index(crowd.next_in_cell[j])
     if chosen < 0:
-        set_event(world, crowd, i, best, index(crowd.own[i]) if best == mine[END] else SEEK, -1)
+        set_event(domain, crowd, i, best, index(crowd.own[i]) if best == mine[END] else SEEK, -1)
         return
     if crowd.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to seek again
-        set_event(world, crowd, index(crowd.partner[chosen]), now, SEEK, -1)
-    set_event(world, crowd, i, best, ENCOUNTER, chosen)
-    set_event(world, crowd, chosen, best, ENCOUNTER, i)
+        set_event(domain, crowd, index(crowd.partner[chosen]), now, SEEK, -1)
+    set_event(domain, crowd, i, best, ENCOUNTER, chosen)
+    set_event(domain, crowd, chosen, best, ENCOUNTER, i)
 
 
 # Steps
@@ -591,7 +591,7 @@ def put_step(crowd: Crowd, i: int, g: loop.Flight) -> None:
 
 
 @shared
-def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs, i: int, courses: Courses) -> int:
+def plan(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, logs: Logs, i: int, courses: Courses) -> int:
     """Find the next step of the grain in hand: ACCEPTED, or why not. Its polynomial is left in the room.
 
     A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
@@ -610,7 +610,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
             code = int(signal[0, 0])
             if code == TABLE:
                 crowd.kind[i] = AGAIN
-            elif world is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
+            elif domain is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
                 # what happens between two contacts that follow each other more closely than that cannot be resolved
                 numbers[STEP] = 8.0 * problem.floor
                 crowd.kind[i] = ROUGH
@@ -624,7 +624,7 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
-        polynomial_of(parts, world, crowd, i, polynomial)
+        polynomial_of(parts, domain, crowd, i, polynomial)
         call(steps.look, float(g.bed.grain + i), signal, 0, signal, 0, signal)
         contact, kink = signal[0, 0], signal[0, 1]
         share = min(contact, kink, 1.0)
@@ -632,12 +632,12 @@ def plan(parts: Parts, world: World | None, crowd: Crowd, heads: Any, logs: Logs
         crowd.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
         path = crowd.path[i]
         path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
-        if world is None:
+        if domain is None:
             return ACCEPTED
         differentiate(model, singular, h, courses[0])
         reach = describe(model, singular, h, share, state.y, courses[0], path)
         if reach <= REACH:
-            enter_cell(world, crowd, heads, i)
+            enter_cell(domain, crowd, first_in_cell, i)
             return ACCEPTED
         numbers[STEP] = 0.9 * h * share * REACH / reach
 
@@ -662,7 +662,7 @@ def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, the
     g, p = parts.steps.flight, parts.steps.flight.parts
     numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
     write_samples(g.model, crowd, samples, i, polynomial, now, p.room.before)
-    loop.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    contact.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
     call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
 
@@ -676,14 +676,14 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> 
     if crowd.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
         write_samples(model, crowd, samples, i, p.room.polynomial, now, p.room.before)
-        loop.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        contact.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
-            p.equation.own[3] = loop.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
+            p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
     cut_at(parts, crowd, samples, i, now, crowd.share[i])
     if crowd.own[i] == KINK:
-        loop.cross(model, p)
+        equations.cross(model, p)
         return ACCEPTED
     count = logs.count
     row = index(count[0])
@@ -694,24 +694,24 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> 
 
 
 @shared
-def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: float, row: Floats) -> None:
+def collide(parts: Parts, domain: Domain, crowd: Crowd, i: int, j: int, time: float, row: Floats) -> None:
     """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
     g, p = parts.steps.flight, parts.steps.flight.parts
     model = g.model
     d = model.dimensions
     first, second = crowd.y[i], crowd.y[j]
-    x, z = nearest(second[0] - first[0], world.length), second[d - 1] - first[d - 1]
-    y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], world.width)
+    x, z = nearest(second[0] - first[0], domain.length), second[d - 1] - first[d - 1]
+    y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], domain.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
-    spin_one, spin_two = loop.spin_of(model, first, crowd.spin[i]), loop.spin_of(model, second, crowd.spin[j])
+    spin_one, spin_two = contact.spin_of(model, first, crowd.spin[i]), contact.spin_of(model, second, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
-    restitution = world.restitution
-    if closing > 0.0 and restitution * closing < world.slowest:
-        restitution = world.slowest / closing
-    after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, world.friction)
+    restitution = domain.restitution
+    if closing > 0.0 and restitution * closing < domain.minimum_separation_speed:
+        restitution = domain.minimum_separation_speed / closing
+    after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, domain.friction)
     row[0], row[1], row[2] = time, i, j
     row[3], row[4], row[5] = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
     row[6], row[7], row[8], row[9], row[10] = nx, ny, nz, distance, restitution
@@ -723,103 +723,103 @@ def collide(parts: Parts, world: World, crowd: Crowd, i: int, j: int, time: floa
         grain = i if side == 0 else j
         take(crowd, grain, g)
         k = 23 + 3 * side
-        loop.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        contact.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
         if not g.limits.prescribed:
-            loop.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            contact.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
         put(crowd, grain, g)
 
 
 @shared
-def cascading(world: World, crowd: Crowd, grain: int, now: float) -> bool:
+def collapsing(domain: Domain, crowd: Crowd, grain: int, now: float) -> bool:
     """Whether a grain has had too many encounters within one d/V."""
-    if now - crowd.calm[grain] > 1.0:
-        crowd.calm[grain], crowd.burst[grain] = now, 0
-    crowd.burst[grain] += 1
-    many: bool = crowd.burst[grain] > world.cascade
+    if now - crowd.counting_since[grain] > 1.0:
+        crowd.counting_since[grain], crowd.encounter_count[grain] = now, 0
+    crowd.encounter_count[grain] += 1
+    many: bool = crowd.encounter_count[grain] > domain.collapse_limit
     return many
 
 
 @shared
-def encounter(parts: Parts, world: World, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses) -> int:
+def encounter(parts: Parts, domain: Domain, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
     j, model = index(crowd.partner[i]), parts.steps.flight.model
     for side in range(2):
         grain = i if side == 0 else j
-        if cascading(world, crowd, grain, now):
+        if collapsing(domain, crowd, grain, now):
             logs.count[2] = grain
             return PILE_UP
     row = logs.encounters[logs.count[1]]
     for side in range(2):
         grain = i if side == 0 else j
-        course_of(parts, world, crowd, grain, courses[0])
+        course_of(parts, domain, crowd, grain, courses[0])
         velocity = at_time(model, crowd, grain, courses[0], now)[1]
         row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
         take(crowd, grain, parts.steps.flight)
         cut_at(parts, crowd, samples, grain, now, share_at(crowd, grain, now))
         put(crowd, grain, parts.steps.flight)
-    collide(parts, world, crowd, i, j, now, row)
+    collide(parts, domain, crowd, i, j, now, row)
     logs.count[1] += 1
-    set_event(world, crowd, i, now, PLAN, -1)
-    set_event(world, crowd, j, now, PLAN, -1)
+    set_event(domain, crowd, i, now, PLAN, -1)
+    set_event(domain, crowd, j, now, PLAN, -1)
     return ACCEPTED
 
 
 @shared
-def depart(world: World | None, crowd: Crowd, heads: Any, i: int) -> None:
+def depart(domain: Domain | None, crowd: Crowd, first_in_cell: Any, i: int) -> None:
     """Take a grain out of the run."""
-    set_event(world, crowd, i, math.inf, GONE, -1)
-    if world is not None:
-        leave_cell(crowd, heads, i)
+    set_event(domain, crowd, i, math.inf, GONE, -1)
+    if domain is not None:
+        leave_cell(crowd, first_in_cell, i)
 
 
 @shared
-def serve(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool) -> int:
+def serve(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool) -> int:
     """Serve a grain's next event: ACCEPTED, or why the caller is needed. `at_hand`: it was the last to be served, its polynomial is in the room."""
     now, kind, g = crowd.clock[i], index(crowd.kind[i]), parts.steps.flight
     if kind in (PLAN, AGAIN, ROUGH):
         if not at_hand:
             take(crowd, i, g)
-        code = plan(parts, world, crowd, heads, logs, i, courses)
+        code = plan(parts, domain, crowd, first_in_cell, logs, i, courses)
         if code != ACCEPTED:
             logs.count[2] = i
             if code == layout.ALOFT:
-                depart(world, crowd, heads, i)
+                depart(domain, crowd, first_in_cell, i)
             return code
-        if world is None:
-            set_event(world, crowd, i, crowd.path[i, END], index(crowd.own[i]), -1)
+        if domain is None:
+            set_event(domain, crowd, i, crowd.path[i, END], index(crowd.own[i]), -1)
             return ACCEPTED
-    if world is not None:
+    if domain is not None:
         if kind in (PLAN, AGAIN, ROUGH, SEEK):
-            seek(parts, world, crowd, heads, i, now, courses)
+            seek(parts, domain, crowd, first_in_cell, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:
             if logs.count[1] >= len(logs.encounters):
                 return ENCOUNTERS_FULL
-            return encounter(parts, world, crowd, samples, logs, i, now, courses)
+            return encounter(parts, domain, crowd, samples, logs, i, now, courses)
     if kind == IMPACT and logs.count[0] >= len(logs.jumps):
         return JUMPS_FULL
     if not at_hand:
         take(crowd, i, g)
-        polynomial_of(parts, world, crowd, i, g.parts.room.polynomial)
+        polynomial_of(parts, domain, crowd, i, g.parts.room.polynomial)
     code = finish(parts, crowd, samples, logs, i)
     put(crowd, i, g)
     if code == layout.REST:
         logs.count[2] = i
-        depart(world, crowd, heads, i)
+        depart(domain, crowd, first_in_cell, i)
         return code
-    set_event(world, crowd, i, now, PLAN, -1)
+    set_event(domain, crowd, i, now, PLAN, -1)
     return ACCEPTED
 
 
 def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(parts: Parts, world: World | None, crowd: Crowd, heads: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
+    def advance(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
         """Serve events up to `until`: UNTIL, or why the caller is needed."""
         digest  # noqa: B018 - part of the cache key
-        if world is None:
+        if domain is None:
             for i in range(len(crowd.clock)):
                 at_hand = False
                 while crowd.clock[i] <= until:
-                    code = serve(parts, world, crowd, heads, samples, logs, i, courses, at_hand)
+                    code = serve(parts, domain, crowd, first_in_cell, samples, logs, i, courses, at_hand)
                     if code != ACCEPTED:
                         return code
                     at_hand = True
@@ -828,7 +828,7 @@ def _make_advance(digest: str) -> Callable[..., Any]:
             grain = index(crowd.heap[0])
             if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
                 return UNTIL
-            code = serve(parts, world, crowd, heads, samples, logs, grain, courses, False)
+            code = serve(parts, domain, crowd, first_in_cell, samples, logs, grain, courses, False)
             if code != ACCEPTED:
                 return code
 
@@ -839,13 +839,13 @@ advance = compiled(_make_advance, allocates=False, usually="some 20 s")
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts: Parts, world: World | None, crowd: Crowd, samples: Samples, until: float) -> None:
+    def flush(parts: Parts, domain: Domain | None, crowd: Crowd, samples: Samples, until: float) -> None:
         """Write all samples up to `until`, which every step in hand reaches."""
         digest  # noqa: B018 - part of the cache key
         g, room = parts.steps.flight, parts.steps.flight.parts.room
         for i in range(len(crowd.clock)):
             if crowd.kind[i] != GONE and crowd.sample[i] * samples.interval <= until:
-                polynomial_of(parts, world, crowd, i, room.polynomial)
+                polynomial_of(parts, domain, crowd, i, room.polynomial)
                 write_samples(g.model, crowd, samples, i, room.polynomial, until, room.before)
 
     return flush
@@ -859,16 +859,16 @@ def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int)
     shapes: dict[str, tuple[int, ...]] = {
         "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (stepper.NUMBERS,), "spin": (4,), "flight": (14,),
         "values": (stages, states), "diagonal": (1, states), "share": (), "path": (12,),
-        "clock": (), "calm": (),
+        "clock": (), "counting_since": (),
     }  # fmt: skip
-    whole: dict[str, Any] = dict.fromkeys(("partner", "cell", "link", "burst", "heap", "place"), np.int32) | {
+    whole: dict[str, Any] = dict.fromkeys(("partner", "cell", "next_in_cell", "encounter_count", "heap", "place"), np.int32) | {
         "sample": np.int64,
         "kind": np.int8,
         "own": np.int8,
     }
     arrays: dict[str, Any] = {name: np.zeros((grains, *shape)) for name, shape in shapes.items()}
     arrays |= {name: np.zeros(grains, dtype=kind) for name, kind in whole.items()}
-    for name in ("partner", "cell", "link"):
+    for name in ("partner", "cell", "next_in_cell"):
         arrays[name][:] = -1
     arrays["kind"][:] = PLAN
     arrays["heap"][:] = arrays["place"][:] = np.arange(grains)

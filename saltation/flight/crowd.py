@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation.flight import collisions, layout, loop
+from saltation.flight import collisions, equations, layout
 from saltation.flight.collisions import UNTIL, empty_crowd
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
 from saltation.flow import both
@@ -72,14 +72,14 @@ class Cloud:
         crowd.jump[:] = crowd.y[:, d : d + members]
         crowd.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
         crowd.numbers[:, stepper.REFUSED] = NEVER
-        crowd.spin[:, 3] = [loop.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
-        self.world = self._world() if "encounters" in scene.names else None
-        cells = self.world.along * self.world.across if self.world is not None else 0
-        self.heads = np.full(cells, -1, dtype=np.int32)
+        crowd.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
+        self.domain = self._domain() if "encounters" in scene.names else None
+        cells = self.domain.along * self.domain.across if self.domain is not None else 0
+        self.first_in_cell = np.full(cells, -1, dtype=np.int32)
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(layout.COLUMNS))), np.zeros(rows, dtype=np.int32)
         self.logs = collisions.Logs(
-            jumps, owners, np.zeros((BUFFER if self.world is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
+            jumps, owners, np.zeros((BUFFER if self.domain is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
         )
         hand = Grain(engine)  # whose state any of them takes in turn
         problem = engine.problem._replace(end=math.inf)
@@ -91,9 +91,9 @@ class Cloud:
         self.parts = placed(collisions.Parts(self.steps, rough))
         states, velocities = (whole.room.polynomial, np.zeros_like(whole.room.polynomial)), np.zeros((2, stages, 3))
         self.courses = tuple(placed(collisions.Course(*arrays)) for arrays in zip(states, velocities, strict=True))
-        self.given = placed(self.world) if self.world is not None else None, placed(crowd), self.heads
+        self.given = placed(self.domain) if self.domain is not None else None, placed(crowd), self.first_in_cell
 
-    def _world(self) -> collisions.World:
+    def _domain(self) -> collisions.Domain:
         scene = self.engine.scene
         options, (length, width, _) = scene.options("encounters"), scene.box
         cell = max(SMALLEST_CELL, math.sqrt(length * width / scene.grains.number))
@@ -101,14 +101,14 @@ class Cloud:
         periodic = scene.grains.boundary == "periodic"
         ends = (length if periodic else math.inf, width if periodic and not scene.in_plane else math.inf)
         law = (options.restitution, options.friction, options.slowest, options.pile_up)
-        return collisions.World(*ends, length / along, width / across, along, across, *law)
+        return collisions.Domain(*ends, length / along, width / across, along, across, *law)
 
     def advance(self, until: float, samples: collisions.Samples) -> Iterator[tuple[int, Any]]:
         """Fly up to `until`: yields (code, grain) for every grain that leaves the run and (code, rows) when a log is full.
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        tables, numbers, count, world = self.engine.tables, self.crowd.numbers, self.logs.count, self.world
+        tables, numbers, count, domain = self.engine.tables, self.crowd.numbers, self.logs.count, self.domain
         log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
         while True:
             code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
@@ -118,7 +118,7 @@ class Cloud:
                 continue
             if code == UNTIL:
                 collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
-            elif code not in GOES_ON and world is not None:  # nobody is behind the grain that stopped the run
+            elif code not in GOES_ON and domain is not None:  # nobody is behind the grain that stopped the run
                 collisions.flush(self.parts, *self.given[:2], samples, float(self.crowd.clock[grain]) * ROUNDED)
             yield code, grain
             if code not in GOES_ON:
@@ -126,7 +126,7 @@ class Cloud:
 
     def arrays(self) -> dict[str, Any]:
         """All that changes while grains fly."""
-        return self.crowd._asdict() | {"heads": self.heads, "count": self.logs.count}
+        return self.crowd._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}
 
     def tabulate(self) -> None:
         """Make the tables of the steps in hand: in a run that goes on, another process had them."""

@@ -18,7 +18,7 @@ from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
 from saltation._random import uniforms
 from saltation.bed.roughness import facing
-from saltation.flight import layout, loop
+from saltation.flight import equations, layout
 from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.flow import both
 
@@ -35,11 +35,11 @@ class Layered(NamedTuple):
 
 
 def rates_in_layer(parts: Layered, t: float, y: Any, out: Any, own: Any) -> None:
-    """`loop.rates_of` in the layer where the grain is."""
+    """`equations.rates_of` in the layer where the grain is."""
     model, rows = parts.model, parts.rows
     for a in range(rows.shape[1]):
         rows[0, a] = y[a]
-    parts.spin[3] = loop.layer_of(model, rows[0, model.dimensions - 1], rows[0, 2 * model.dimensions - 1])
+    parts.spin[3] = equations.layer_of(model, rows[0, model.dimensions - 1], rows[0, 2 * model.dimensions - 1])
     call(model.rates, t, rows, 0, rows, 1, parts.spin)
     for a in range(rows.shape[1]):
         out[a] = rows[1, a]
@@ -136,8 +136,8 @@ class FixedGrain(Grain):
         """Set out from the state with the slip's jump, the memory being empty or not."""
         engine, state, samples, numbers = self.engine, self.state, self.samples, self._steps.numbers
         d, m, rate = engine.dimensions, engine.members, np.zeros(engine.states)
-        self.spin[3] = loop.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
-        loop.rates_of(engine.equation, 0.0, state.y, rate, self.spin)
+        self.spin[3] = equations.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
+        equations.rates_of(engine.equation, 0.0, state.y, rate, self.spin)
         if m and anew:
             for array in samples:
                 array[...] = 0.0

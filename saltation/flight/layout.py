@@ -75,5 +75,5 @@ class Limits(NamedTuple):
     longest: float
     shortest: float
     patience: float
-    seal: float  # jumps wanted in all
+    max_jumps: float  # jumps wanted in all
     prescribed: int  # contacts do not turn the grain where 1

@@ -21,7 +21,7 @@ from saltation.effects import EFFECTS
 from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
-from saltation.flight import layout, loop
+from saltation.flight import contact, equations, layout, loop
 from saltation.flow import Still, both, tabulated
 from saltation.scene import Bed, Scene
 
@@ -133,7 +133,7 @@ class Engine:
         self.dimensions = 2 if scene.in_plane else 3
         across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.equation = loop.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
+        self.equation = equations.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
         self.kinks, self.spins = kinks, 0 if self.rotation is None else 1 if scene.in_plane else 3
         self.states = 2 * self.dimensions + self.spins
         self.members = self.dimensions if "history" in names else 0
@@ -170,7 +170,7 @@ class Engine:
     @cached_property
     def model(self) -> layout.Model:
         """The equation for the loop; the first of its kind is compiled."""
-        rates, data = loop.rates_entry(self.equation)
+        rates, data = equations.rates_entry(self.equation)
         self._kept.append(data)
         return layout.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
 
@@ -212,7 +212,7 @@ class Engine:
         return rebounds[bed.rebound]()
 
     def _bed(self, bed: Bed) -> layout.Bed:
-        rebound, data = loop.rebound_entry(self.rebound)
+        rebound, data = contact.rebound_entry(self.rebound)
         self._kept.append(data)
         depth = 0.5 if bed.roughness == "flat" else 0.25
         scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
@@ -314,7 +314,7 @@ class Grain:
         places[stepper.REFUSED] = NEVER
         jump = y[d : d + members].copy()
         self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), places)
-        self.spin = np.array([*first.spin, loop.layer_of(engine.model, first.position[2], first.velocity[2])])
+        self.spin = np.array([*first.spin, equations.layer_of(engine.model, first.position[2], first.velocity[2])])
         self.flight = np.zeros(14)
         self.flight[[layout.X, layout.Y, layout.Z]] = first.position
         self.flight[layout.TOP] = first.position[2]

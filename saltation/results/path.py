@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation.flight import loop
+from saltation.flight import equations
 from saltation.flight.layout import SHORTEST_FLIGHT
 from saltation.results.tables import told_of
 
@@ -68,7 +68,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     slip[:, [0, 2] if d == 2 else [0, 1, 2]] = states[:, d : 2 * d]
     situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])
     forces = np.zeros((len(times), 3 * len(engine.force_names)))
-    loop.budget(engine.equation, situations, forces)
+    equations.budget(engine.equation, situations, forces)
     columns: dict[str, Any] = {"x": (states[:, 0], "d", "along the stream")}
     if d == 3:
         columns["y"] = states[:, 1], "d", "across the stream"

@@ -15,7 +15,7 @@ import saltation
 from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
-from saltation.flight import collisions, fixed, loop
+from saltation.flight import collisions, contact, equations, fixed, loop
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
 
@@ -50,7 +50,7 @@ def interpreted() -> Iterator[None]:
     """The flight as plain Python: the same source."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.object(_compile, "jit", lambda: False))
-        for module in (loop, fixed, collisions, stepper):
+        for module in (equations, contact, loop, fixed, collisions, stepper):
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))

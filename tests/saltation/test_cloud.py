@@ -53,7 +53,7 @@ def whole():
 
 def alone(engine, grain, start, jumps):
     """(jumps, steps) of a grain that flies so many jumps on its own."""
-    engine.limits = engine.limits._replace(seal=float(jumps))
+    engine.limits = engine.limits._replace(max_jumps=float(jumps))
     one = Grain(engine, grain, start)
     record, rows = empty_record(20000, engine.tables.count, engine.states), np.zeros((jumps, len(layout.COLUMNS)))
     code, done = one.fly(record, True, rows)

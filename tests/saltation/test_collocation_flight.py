@@ -12,7 +12,7 @@ import basset
 import saltation
 from basset import reference
 from basset.solvers import stepper
-from saltation.flight import loop
+from saltation.flight import equations
 from saltation.flight.setup import Engine, Grain
 from saltation.flow import tabulated
 
@@ -133,7 +133,7 @@ class TestAgainstTheSolverOfBasset:
 
         def rates(t, y):
             out = np.zeros(len(y))
-            loop.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, loop.layer_of(engine.model, y[1], y[3])]))
+            equations.rates_of(engine.equation, t, y, out, np.array([0.0, 0.0, 0.0, equations.layer_of(engine.model, y[1], y[3])]))
             return out
 
         return rates

@@ -142,7 +142,7 @@ def test_of_short_jumps(name, seed):
     arrays = (state.y, state.rate, state.past, state.jump, state.numbers, grain.spin, grain.flight, grain.values)
     for taken in range(30):
         before, pair = [array.copy() for array in arrays], []
-        engine.limits = engine.limits._replace(seal=taken + 1.0)
+        engine.limits = engine.limits._replace(max_jumps=taken + 1.0)
         for problem in (loose._replace(rtol=0.01 * loose.rtol, atol=0.01 * loose.atol), loose):
             for array, kept in zip(arrays, before, strict=True):
                 array[...] = kept

@@ -1,0 +1,227 @@
+"""Contact with the bed: when a step meets it, the account of a flight, and what a rebound does to the state and its memory."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from basset._compile import entry, shared
+from basset.kernels import Floats
+from basset.solvers.stepper import (
+    FIRST,
+    TIME,
+    Problem,
+    State,
+    at,
+    restart,
+)
+from saltation._random import Draws
+from saltation.bed.rebound import strike
+from saltation.bed.roughness import facing
+from saltation.flight.layout import (
+    NOTHING,
+    RESET,
+    RESTART,
+    START,
+    TOP,
+    TURNED,
+    Bed,
+    Memory,
+    Model,
+    U,
+    V,
+    W,
+    X,
+    Y,
+    Z,
+)
+from saltation.flow import both
+from saltation.grain import Triple
+
+
+def struck(rebound: Any, t: float, y: Any, out: Any, own: Any) -> None:
+    """What a contact makes of normal, velocity and spin (9,): velocity, spin and impulse (9,), into `out`."""
+    after = strike(rebound, (y[0], y[1], y[2]), (y[3], y[4], y[5]), (y[6], y[7], y[8]))
+    out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8] = after
+
+
+rebound_entry = entry(struck)
+
+
+@shared
+def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws) -> float:
+    """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
+    d = model.dimensions
+    z = at(polynomial, y, kind, theta, d - 1)
+    w = at(polynomial, y, kind, theta, 2 * d - 1)
+    if z >= bed.highest:
+        return max(z - bed.highest, w) + 1e-300
+    u = at(polynomial, y, kind, theta, d) + both(model.profile, z)[0]
+    v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1)
+    plane = facing(bed.roughness, u, v, w, draws)
+    return max(z - plane[1], w)
+
+
+@shared
+def first_contact(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, fresh: bool) -> float:
+    """θ of the first contact in the step, 2 if there is none. `fresh`: the step starts at a takeoff."""
+    places = 2 * len(polynomial) + 1
+    low, value_low = 0.0, 1.0 if fresh else gap(model, bed, polynomial, y, kind, 0.0, draws)
+    if value_low <= 0.0:
+        return 0.0
+    for i in range(1, places + 1):
+        high = i / places
+        if kind == 1:
+            high *= high
+        value = gap(model, bed, polynomial, y, kind, high, draws)
+        if value <= 0.0:
+            if fresh and i == 1:  # the flight is shorter than this: go back to where it is above the bed
+                low = high
+                value_low = value
+                while value_low <= 0.0 and low > 1e-15:
+                    low *= 0.25
+                    value_low = gap(model, bed, polynomial, y, kind, low, draws)
+                if value_low <= 0.0:
+                    return 0.0
+            return root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, value)
+        low, value_low = high, value
+    return 2.0
+
+
+@shared
+def root_of_gap(
+    model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, low: float, value_low: float, high: float, value_high: float
+) -> float:
+    """The contact between `low` (apart) and `high` (touching): regula falsi with Illinois's halving and bisection."""
+    side = 0
+    for i in range(80):
+        if high - low <= 4e-16 * high:
+            break
+        middle = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+        value = gap(model, bed, polynomial, y, kind, middle, draws)
+        if value > 0.0:
+            low, value_low = middle, value
+            if side == 1:
+                value_high *= 0.5
+            side = 1
+        else:
+            high, value_high = middle, value
+            if value == 0.0:
+                break
+            if side == -1:
+                value_low *= 0.5
+            side = -1
+    return high
+
+
+@shared
+def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
+    """Keep the highest point and the turning of the flight up to θ of the step."""
+    d = model.dimensions
+    before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
+    if before > 0.0 >= after:
+        low, high = 0.0, theta
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            if at(polynomial, y, kind, middle, 2 * d - 1) > 0.0:
+                low = middle
+            else:
+                high = middle
+        flight[TOP] = max(flight[TOP], at(polynomial, y, kind, high, d - 1))
+    flight[TOP] = max(flight[TOP], at(polynomial, y, kind, theta, d - 1))
+    if model.spins > 0:
+        a = 4 if model.dimensions == 2 else 7
+        root = math.sqrt(0.15)
+        ends = h * theta / 18.0
+        flight[TURNED] += 8.0 * ends * at(polynomial, y, kind, 0.5 * theta, a)
+        flight[TURNED] += 5.0 * ends * (at(polynomial, y, kind, (0.5 - root) * theta, a) + at(polynomial, y, kind, (0.5 + root) * theta, a))
+
+
+@shared
+def take_off(flight: Floats, time: float, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
+    """Start the account of a new flight."""
+    flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = time, x, y, z, z
+    flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
+
+
+@shared
+def forget(kept: Floats, when: Floats, rates: Floats, state: State, done: int) -> None:
+    """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
+
+    Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
+    """
+    if len(when) == 0:
+        return
+    now, past = state.numbers[TIME], state.past
+    slot = done % len(when)
+    members, terms = past.shape
+    if done >= len(when):
+        for j in range(len(when)):
+            if j != slot:
+                for q in range(terms):
+                    decay = math.exp(-rates[q] * (when[j] - when[slot]))
+                    for a in range(members):
+                        kept[j, a, q] -= decay * kept[slot, a, q]
+        for q in range(terms):
+            decay = math.exp(-rates[q] * (now - when[slot]))
+            for a in range(members):
+                past[a, q] -= decay * kept[slot, a, q]
+    when[slot] = now
+    for a in range(members):
+        for q in range(terms):
+            kept[slot, a, q] = past[a, q]
+
+
+@shared
+def spin_of(model: Model, s: Floats, spin: Floats) -> Triple:
+    """The spin of a grain in the states s, three components."""
+    if model.spins == 0:
+        return spin[0], spin[1], spin[2]
+    if model.dimensions == 2:
+        return 0.0, s[4], 0.0
+    return s[6], s[7], s[8]
+
+
+@shared
+def turn(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: float) -> None:
+    """Give a grain in the states s a new spin."""
+    if model.spins == 0:
+        spin[0], spin[1], spin[2] = ox, oy, oz
+    elif model.dimensions == 2:
+        s[4] = oy
+    else:
+        s[6], s[7], s[8] = ox, oy, oz
+
+
+@shared
+def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
+    """Give the grain a new velocity after a contact: the memory makes of the jump what the scene says, and steps start small."""
+    d = model.dimensions
+    s, numbers = state.y, state.numbers
+    if len(problem.where) > 0:
+        if memory.rebound in (RESTART, RESET):
+            past = state.past
+            for a in range(past.shape[0]):
+                for q in range(past.shape[1]):
+                    past[a, q] = 0.0
+            state.jump[0], state.jump[d - 1] = u - stream, w
+            if model.dimensions == 3:
+                state.jump[1] = v
+        else:  # a jump that no step has taken up yet still counts
+            state.jump[0] += u - stream - s[d]
+            state.jump[d - 1] += w - s[2 * d - 1]
+            if model.dimensions == 3:
+                state.jump[1] += v - s[d + 1]
+        if memory.rebound in (RESET, NOTHING):
+            for a in range(len(state.jump)):
+                state.jump[a] = 0.0
+    s[d], s[2 * d - 1] = u - stream, w
+    if model.dimensions == 3:
+        s[d + 1] = v
+    restart(problem, numbers, numbers[FIRST])

@@ -1,0 +1,182 @@
+"""The equation of motion of a grain, and the kinks of the stream it moves in.
+
+States y are x, [y,] z, slip u − u_f in the same directions, and the spin where it is integrated (ω_y in the plane, all
+three in space): what a scene does not name is not there. Slips, not velocities, because they are what the history acts on;
+at an impact both jump alike. Up to a level at which the stream, or the lift by it, has a kink a step sees the stream continued smoothly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from basset._compile import compiled, entry, overloads, shared
+from basset.kernels import Floats
+from basset.solvers import stepper
+from basset.solvers.stepper import (
+    JUMPED,
+    STEP,
+    TIME,
+    at,
+    restart,
+)
+from saltation.effects.base import Situation, force, torque, total_force
+from saltation.flight.layout import (
+    Model,
+)
+from saltation.flow import continued
+
+BESIDE = 1e-9  # d: as near to a kink as that is at it
+
+
+class Equation(NamedTuple):
+    """What moves the grain: α, the stream, the height where it begins (d), forces, torque; `across` and `turning` are None where there is no such state.
+
+    Its type says which effects there are: a new one compiles `rates_of` and nothing that steps.
+    """
+
+    alpha: float
+    profile: Any
+    begins: float
+    forces: Any
+    torque: Any
+    across: Any
+    turning: Any
+
+
+@shared
+def layer_of(model: Model, z: float, w: float) -> float:
+    """How many kinks lie below a grain; of one at a kink where it goes: right behind a jump of the slip no step can be cut there."""
+    z += math.copysign(BESIDE, w)
+    return (1.0 if z > model.kinks[0] else 0.0) + (1.0 if z > model.kinks[1] else 0.0) + (1.0 if z > model.kinks[2] else 0.0)
+
+
+def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
+    """Rates without history of the states y, into `out`; `own`: the spin of a grain whose spin is no state, and the layer between two kinks."""
+    if equation.across is None:
+        z, sx, sy, sz = y[1], y[2], 0.0, y[3]
+    else:
+        z, sx, sy, sz = y[2], y[3], y[4], y[5]
+    if equation.turning is None:
+        ox, oy, oz = own[0], own[1], own[2]
+    elif equation.across is None:
+        ox, oy, oz = 0.0, y[4], 0.0
+    else:
+        ox, oy, oz = y[6], y[7], y[8]
+    ahead = equation.begins + 0.5 * own[3] - 0.75 - z  # to the middle of the layer: kinks are half a diameter apart
+    stream, shear = continued(equation.profile, z, ahead)
+    s = Situation(z, sx, sy, sz, stream, shear, ox, oy, oz, ahead)
+    fx, fy, fz = total_force(equation.forces, s)
+    if equation.across is None:
+        out[0], out[1] = sx + stream, sz
+        out[2], out[3] = equation.alpha * fx - shear * sz, equation.alpha * fz
+    else:
+        out[0], out[1], out[2] = sx + stream, sy, sz
+        out[3], out[4], out[5] = equation.alpha * fx - shear * sz, equation.alpha * fy, equation.alpha * fz
+    if equation.turning is not None:
+        tx, ty, tz = torque(equation.torque, s)
+        if equation.across is None:
+            out[4] = ty
+        else:
+            out[6], out[7], out[8] = tx, ty, tz
+
+
+rates_entry = entry(rates_of)
+
+
+@shared
+def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float, states: Floats) -> float:
+    """θ at which the step leaves its layer between two kinks, 2 if it does not; `states` at its stages, the end among them."""
+    d = model.dimensions
+    k = int(layer)
+    low = model.kinks[k - 1] if k > 0 else -math.inf
+    high = model.kinks[k] if k < 3 else math.inf
+    least = most = y[d - 1]
+    for i in range(len(states)):
+        least, most = min(least, states[i, d - 1]), max(most, states[i, d - 1])
+    reach = most - least  # between stages it goes no farther beyond them
+    if least - reach >= low and most + reach <= high:
+        return 2.0
+    places = 2 * len(polynomial) + 1
+    before, earlier = 0.0, y[2 * d - 1]
+    for i in range(1, places + 1):
+        after = i / places
+        if kind == 1:
+            after *= after
+        later = at(polynomial, y, kind, after, 2 * d - 1)
+        for trial in range(2):  # where it turns, and at the end
+            place = after
+            if trial == 0:
+                if earlier * later >= 0.0:
+                    continue
+                place = root_of(polynomial, y, kind, 2 * d - 1, 0.0, earlier > 0.0, before, after)
+            z = at(polynomial, y, kind, place, d - 1)
+            if z < low:
+                return root_of(polynomial, y, kind, d - 1, low, True, before, place)
+            if z > high:
+                return root_of(polynomial, y, kind, d - 1, high, False, before, place)
+        before, earlier = after, later
+    return 2.0
+
+
+@shared
+def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, falls: bool, low: float, high: float) -> float:
+    """The first θ found beyond `level` of state a, which crosses it between `low` and `high`, by bisection."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        value = at(polynomial, y, kind, middle, a)
+        if value < level if falls else value > level:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@shared
+def cross(model: Model, p: stepper.Parts) -> None:
+    """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
+    numbers, own, z = p.state.numbers, p.equation.own, p.state.y[model.dimensions - 1]
+    k = int(own[3])
+    if k > 0 and (k == 3 or abs(z - model.kinks[k - 1]) < abs(z - model.kinks[k])):
+        own[3] = layer_of(model, model.kinks[k - 1] - 0.25, 0.0)
+    else:
+        own[3] = layer_of(model, model.kinks[k] + 0.25, 0.0)
+    restart(p.problem, numbers, numbers[STEP] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
+
+
+def each_force(effects: tuple[Any, ...], s: Situation, out: Floats, row: int, column: int) -> None:
+    """The force of every effect into out[row, column:], three numbers each."""
+    for effect in effects:
+        out[row, column], out[row, column + 1], out[row, column + 2] = force(effect, s)
+        column += 3
+
+
+@overloads(each_force)
+def _each_force(effects: Any, s: Any, out: Any, row: Any, column: Any) -> Callable[..., None]:
+    def none(effects: Any, s: Any, out: Any, row: Any, column: Any) -> None:
+        pass
+
+    def each(effects: Any, s: Any, out: Any, row: Any, column: Any) -> None:
+        out[row, column], out[row, column + 1], out[row, column + 2] = force(effects[0], s)
+        each_force(effects[1:], s, out, row, column + 3)
+
+    return each if len(effects) else none
+
+
+def _make_budget(digest: str) -> Callable[..., Any]:
+    def budget(equation: Equation, situations: Floats, out: Floats) -> None:
+        """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
+        digest  # noqa: B018 - part of the cache key
+        for i in range(len(situations)):
+            r = situations[i]
+            each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], 0.0), out, i, 0)
+            for k in range(out.shape[1]):
+                out[i, k] *= equation.alpha
+
+    return budget
+
+
+budget = compiled(_make_budget)
