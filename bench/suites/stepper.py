@@ -26,7 +26,7 @@ from basset import measure
 from basset._compile import compiler, shared
 from bench.grains import base, changed
 from bench.suites.flights import RTOL, engine_of, fly
-from saltation.flight import loop
+from saltation.flight import equations
 from saltation.flight.setup import Engine
 from saltation.scene import read, scene_of, shipped
 
@@ -213,7 +213,7 @@ def operations_of_rates(engine: Engine) -> int:
     with contextlib.ExitStack() as stack:
         for module in modules:
             stack.enter_context(mock.patch.object(module, "math", CountingMath()))
-        loop.rates_of(engine.equation, 0.0, y, out, own)
+        equations.rates_of(engine.equation, 0.0, y, out, own)
     return Counted.done
 
 

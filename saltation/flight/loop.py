@@ -6,6 +6,7 @@ step's polynomial, the step is cut there and the memory advanced to the cut exac
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from basset._compile import call, entry, shared
