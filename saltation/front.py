@@ -96,7 +96,7 @@ def campaign(
         A dictionary holds labels, which become columns. Scenes with effects = "auto" are first chosen one after the other, over
         the same executor.
     executor : concurrent.futures.Executor, optional
-        Also a dask client's `get_executor()`; threads of one process take turns. Default: processes on all cores, started
+        Also a dask client's `get_executor()`, or threads. Default: processes on all cores, started
         afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).

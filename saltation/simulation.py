@@ -30,7 +30,6 @@ from saltation.results.path import path_at, path_of
 from saltation.results.result import Result, origin
 from saltation.results.tables import encounter_table, fate_table, ordered, path_dataset, table_of, tables_to_dataset
 from saltation.scene import LONGEST, Scene, scene_of
-from saltation.workers import TURN
 
 ROWS = 4096  # steps between two visits of the caller
 STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain lies still
@@ -378,8 +377,7 @@ def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Fo
 
 def fly_block(text: str, first: int, last: int) -> bytes:
     """Some grains of a scene in JSON, packed: what a worker is given."""
-    with TURN:
-        return packed(run_cloud(scene_of(json.loads(text)), grains=range(first, last)), "")
+    return packed(run_cloud(scene_of(json.loads(text)), grains=range(first, last)), "")
 
 
 def run_blocks(scene: Scene, executor: Executor, progress: Callable[[float], None] | None) -> Result:

@@ -15,7 +15,6 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
 
-TURN = threading.Lock()  # grains of a process share tables that are filled as they fly: threads take turns
 REPLACEMENTS = 10  # of killed workers; then something kills them all, such as a lack of memory
 
 

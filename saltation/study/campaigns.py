@@ -22,7 +22,7 @@ from saltation.results.files import key_in, packed
 from saltation.results.result import Result
 from saltation.scene import Scene, scene_of
 from saltation.simulation import run
-from saltation.workers import TURN, cores, processes
+from saltation.workers import cores, processes
 
 __all__ = ["Store"]
 
@@ -116,8 +116,7 @@ def outcome(result: Result) -> dict[str, Any]:
 
 def fly(texts: Mapping[str, str], whole: bool) -> dict[str, tuple[dict[str, Any], bytes]]:
     """Rows, and all that the runs left if `whole`, of some scenes in JSON by their keys: what a worker is given."""
-    with TURN:
-        return {key: _flown(key, run(scene_of(json.loads(text))), whole) for key, text in texts.items()}
+    return {key: _flown(key, run(scene_of(json.loads(text))), whole) for key, text in texts.items()}
 
 
 def _flown(key: str, result: Result, whole: bool) -> tuple[dict[str, Any], bytes]:
