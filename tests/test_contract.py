@@ -11,9 +11,10 @@ import basset
 import saltation
 
 LIBRARY = (
-    "BassetKernel MeiAdrianKernel MeiAdrianKernel.dorgan_loth VaryingSlipKernel EulerMaclaurin Brush SemiDerivative Daitche Windowed Hinsberg Exponential "
-    "SCHEMES integrate cumulate ExponentialSum.fit ExponentialSum.van_hinsberg ExponentialSum.casas ExponentialSum.max_relative_error solve Collocation FixedStep "
-    "RungeKutta4 advise Rule.weights Rule.plan Rule.error_order Daitche.references reference.cosine problems.PROBLEMS measure.interleaved kernels.Kernel "
+    "BassetKernel MeiAdrianKernel MeiAdrianKernel.dorgan_loth VaryingSlipKernel EulerMaclaurin Brush SemiDerivative Daitche Windowed "
+    "Hinsberg Exponential SCHEMES integrate cumulate ExponentialSum.fit ExponentialSum.van_hinsberg ExponentialSum.casas "
+    "ExponentialSum.max_relative_error solve Collocation FixedStep RungeKutta4 advise Rule.weights Rule.plan Rule.error_order "
+    "Daitche.references reference.cosine problems.PROBLEMS measure.interleaved kernels.Kernel "
     "streaming.Plan.start streaming.Plan.push streaming.Plan.value streaming.Plan.tail streaming.Plan.local streaming.Plan.jump streaming.Plan.run"
 )
 SIMULATOR = "load run open campaign Scene.model_validate Result.jumps Result.trajectory Result.save Result.summary Result.to_si"

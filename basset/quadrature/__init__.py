@@ -12,11 +12,14 @@ from basset.quadrature.daitche import Daitche
 from basset.quadrature.euler_maclaurin import EulerMaclaurin
 from basset.quadrature.exponential import Exponential
 from basset.quadrature.hinsberg import Hinsberg
+from basset.quadrature.newton_cotes import NewtonCotes
 from basset.quadrature.rule import Rule
 from basset.quadrature.semi_derivative import SemiDerivative
 from basset.quadrature.windowed import Windowed
 
-__all__ = ["SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "Rule", "SemiDerivative", "UnknownSchemeError", "Windowed"]
+__all__ = [
+    "SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "NewtonCotes", "Rule", "SemiDerivative", "UnknownSchemeError", "Windowed",
+]  # fmt: skip
 
 
 class UnknownSchemeError(KeyError, ValueError):

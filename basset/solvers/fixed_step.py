@@ -263,8 +263,9 @@ class FixedStep(_Grid):
     fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where
     it holds a t^(3/2)).
 
-    Degree 1 and the rules of lower order are stable for any drag and any history; from degree 2 on rate·dt/A + c√dt/B must stay
-    below 1: A = 6, 3, 1.8, 1.2, 0.77, 0.49, 0.31, 0.19, 0.11 and B = 17, 2.2, 1.1, 0.54, 0.29, 0.17, 0.10, 0.060, 0.034 for
+    Degree 1 and the rules of lower order are stable for any drag and any history, but for `NewtonCotes`, whose newest sample has no
+    weight (c√dt < 0.905); from degree 2 on rate·dt/A + c√dt/B must stay below 1: A = 6, 3, 1.8, 1.2, 0.77, 0.49, 0.31, 0.19, 0.11
+    and B = 17, 2.2, 1.1, 0.54, 0.29, 0.17, 0.10, 0.060, 0.034 for
     degrees 2 to 10. A step that is too long for what `fun` is at the start, and rates that alternate and grow on the way, end
     in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing:
     first order in dt at best. After a jump, and after an initial slip, the solution goes as √t: whatever the degree, the

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
+import mpmath
 import numpy as np
 import pytest
 from rule_cases import EPS, KERNELS, ORDERS, accepts, any_rule, full_rules, full_rules_and_inputs, tailed_rules, windowed_rules, windowed_rules_and_inputs
@@ -71,12 +73,25 @@ class TestDeclaredOrder:
         _, errors, floor = path_errors(rule, PROBLEMS["sine_with_slip"], input, range(13, 16))
         assert errors.max() <= floor
 
-    @pytest.mark.parametrize(("rule", "order"), [(basset.EulerMaclaurin(), 0.5), (basset.Brush(), 0.5), (basset.SemiDerivative(), 1.0)])
+    @pytest.mark.parametrize(
+        ("rule", "order"), [(basset.EulerMaclaurin(), 0.5), (basset.Brush(), 0.5), (basset.NewtonCotes(), 0.5), (basset.SemiDerivative(), 1.0)]
+    )
     def test_baselines(self, rule, order):
         assert rule.error_order == order
         steps, errors, _ = path_errors(rule, PROBLEMS["sine_with_slip"], "rate", range(15, 19))
         # the next term is half an order up: below 0.02 at these steps
         np.testing.assert_allclose(observed_orders(steps, errors), order, atol=0.02)
+
+    @pytest.mark.parametrize(
+        ("rule", "constant"), [(basset.EulerMaclaurin(), float(mpmath.zeta(0.5, 0.5))), (basset.NewtonCotes(), float(mpmath.zeta(0.5)) + 0.5)]
+    )
+    def test_the_error_of_open_rules_is_that_of_the_zeta_function(self, rule, constant):
+        """Error → constant·√h g(t): what a sum over k^(−1/2) is off from its integral."""
+        t, errors = 50.0 * np.pi + 1.0, []
+        for n in (2**16, 2**18):
+            g = np.cos(np.linspace(0.0, t, n + 1))
+            errors.append((basset.integrate(g, t / n, rule) - float(reference.cosine(t))) / (math.sqrt(t / n) * g[-1]))
+        assert abs(2.0 * errors[1] - errors[0] - constant) < 1e-3  # the next term is half an order up
 
     @pytest.mark.parametrize("name", ["decay", "growth", "high_frequency"])
     @full_rules

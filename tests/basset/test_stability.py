@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -55,6 +56,13 @@ def test_rules_without_a_limit():
     for rule in (basset.Daitche(1), basset.EulerMaclaurin(), basset.SemiDerivative(), basset.Brush(), basset.Hinsberg(tail=False)):
         assert bounds(rule) == (math.inf, math.inf)
         assert longest_step(rule, 1e9, 1e9) == math.inf
+
+
+def test_a_rule_without_weight_for_the_newest_sample():
+    """1 + c√dt W(−1) = 0 with W(−1) = −3/2 + 1 − η(1/2), η Dirichlet's: c√dt = 0.90506; the drag alone is implicit."""
+    eta = float(mpmath.altzeta(0.5))
+    drag, history = bounds(basset.NewtonCotes())
+    assert drag == math.inf and math.isclose(history, 1.0 / (0.5 + eta), rel_tol=1e-6)
 
 
 def test_the_bounds_of_adams_and_moulton():

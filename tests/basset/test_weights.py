@@ -190,6 +190,12 @@ def test_baselines_by_their_definition(n, name):
     # sums of two values, each good to 32 units
     np.testing.assert_allclose(basset.EulerMaclaurin().weights(n, 1.0, kernel), midpoint, rtol=64 * EPS)
 
+    inner = np.zeros(n + 1)  # the open midpoint on two panels; one panel has no inner point
+    inner[1:n] = kernel(np.arange(1.0, n))
+    inner[1:2] += 0.5 * inner[1:2]
+    inner[n - 1 : n] += 0.5 * kernel(np.arange(n - 1.0, n)) if n > 1 else 0.0
+    np.testing.assert_allclose(basset.NewtonCotes().weights(n, 1.0, kernel), inner if n > 1 else midpoint, rtol=64 * EPS)
+
     brush = np.zeros(n + 1)
     brush[0] = float(kernel.moments(0.0, 1.0, 0)[0])  # 2√h for the standard kernel
     whole = n - 1 - (n - 1) % 2
