@@ -1,4 +1,4 @@
-"""The finite-Reynolds kernels as spectra of decaying exponentials: rates that stay, weights that follow the slip.
+"""Finite-Reynolds kernels as spectra of decaying exponentials: fixed rates, weights that follow the slip.
 
 k(x) = x^(-1/2) (1 + x^(3/(2 c1)))^(-c1) is completely monotone for c1 ≥ 3/2, since x^(3/(2 c1)) then is a Bernstein
 function: k(x) = ∫_0^∞ μ(λ) e^(−λx) dλ with μ ≥ 0. The Basset kernel has μ_B = 1/√(πλ); their ratio is ρ = μ/μ_B. As
@@ -50,7 +50,7 @@ class SpectralTable(NamedTuple):
 
 
 class Following(NamedTuple):
-    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: a kernel that stays.
+    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: it is constant.
 
     C = ½√π (U/f)³ scale^(3/2), f = 0.75 + c2 U reynolds, U being the slip between `least` and `most`. `local` is what the local history of a unit
     step falls short of Basset's, on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular

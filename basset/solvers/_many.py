@@ -15,17 +15,17 @@ from basset._compile import compiled, is_compiled, placed, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
-from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, settled
+from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, solution_of
 
 if TYPE_CHECKING:
     from basset.solvers.base import Method
 
 RECORDED = 4096  # steps between two visits of the caller
-UNDONE, BEGUN = -1, -2  # codes of systems that nobody has tried, or that have to be solved on their own
+UNDONE, BEGUN = -1, -2  # codes of systems that were not tried yet, or that have to be solved on their own
 
 
 class Columns(NamedTuple):
-    """One row per system: state, slip, coefficients; where the arguments lie; the tables that fun, events and jumps look that up in; what came of it."""
+    """One row per system: state, slip, coefficients; where the arguments lie; the tables from which fun, events and jumps read them; the results."""
 
     y0: Floats  # (system, state)
     slip: Floats  # (system, member)
@@ -115,7 +115,7 @@ class Block:
     def _alone(self, task: Task) -> Solution:
         task.nfev = 0
         task.release()
-        return settled(task, self.method, self.dense, self.wanted)
+        return solution_of(task, self.method, self.dense, self.wanted)
 
     def _marched(self, one: Integration) -> list[Solution]:
         first, count = self.tasks[0], len(self.tasks)

@@ -1,8 +1,9 @@
-"""One step of graded collocation: chosen, solved, judged, taken or cut; and the march from step to step. Compiled once for all equations.
+"""One step of graded collocation: choosing its size, solving it, its error estimate, accepting it or truncating it at an event; and the loop
+over steps (`march`). Compiled once for all equations.
 
-Whatever steps with memory is made of these: `basset.solve`, and the flights of the simulator. What differs comes as C functions
+`basset.solve` and the flights of the simulator are built on it. What differs between them comes as C functions
 (`basset._compile.entry`): `fun`; how the stages are solved, by Newton's full matrix or by a diagonal Jacobian, which handles stiff
-drag at a fraction of the price; and what happens on a step, events or impacts, which cut it. The march comes back to its caller
+drag at a fraction of the price; and events or impacts on a step, which truncate it. `march` returns to its caller
 when a table for a new step size is missing, when its record is full, when it cannot go on, and at the end.
 
 Collocation at Radau points: Hairer and Wanner (1996), Solving Ordinary Differential Equations II, IV.5; in √t after a jump: this library.
@@ -34,7 +35,7 @@ SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobia
 
 
 class Equation(NamedTuple):
-    """y' = fun(t, y) without history, to be called with what is its own; components at rest.
+    """y' = fun(t, y) without history, `own` being passed to `fun` as work space; components at rest.
 
     For a diagonal Jacobian: the first `moved` components damp nothing, on the first `idle` nothing depends, the others are alike by so many;
     those that remember lie side by side.
@@ -51,7 +52,7 @@ class Equation(NamedTuple):
 class Problem(NamedTuple):
     """What does not change up to `end`: times in s, steps in s, tolerances, memory components and their coefficients.
 
-    `fun` is asked at times within [first, last] only: on this side of what breaks it.
+    `fun` is evaluated at times within [first, last] only: between two breaks of the input.
     """
 
     end: float
@@ -69,7 +70,7 @@ class Problem(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Matrices of the stages, (stage, node), see `collocation.Stages`."""
+    """Matrices of the stages, (stage, node), see `_tables.Stages`."""
 
     c: Floats
     slope: Floats
@@ -156,7 +157,7 @@ class Room(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """All that a step is found from and taken with."""
+    """All that finding and accepting a step reads and writes."""
 
     equation: Equation
     problem: Problem
@@ -329,7 +330,7 @@ def decay_error(p: Parts) -> float:
         # parity may hide one coefficient: from three stages on compare pairs
         decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
         tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
-        if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
+        if smooth:  # nothing else checks between the step's start and its first node: y' must be continuous there
             kink = -rate[a]
             for k in range(count):
                 kink += at_start[k] * values[k, a]
@@ -405,7 +406,7 @@ def choose(p: Parts) -> int:
         slot = max(0, math.ceil(LADDER * math.log2(problem.span / h) - 1e-9))
         h = problem.span * 2.0 ** (-slot / LADDER)
         if slot < rungs and p.tables.sizes[slot, kind] > 0.0:
-            h = p.tables.sizes[slot, kind]  # to the last bit, whatever powers are made of
+            h = p.tables.sizes[slot, kind]  # bit for bit, however the power is computed
         if h > left:
             h, slot = left, -1
         if 0.0 < left - h < 0.05 * h:  # no sliver at the end
@@ -450,7 +451,7 @@ def keep(p: Parts, record: Record, done: int, share: float) -> None:
     numbers, values, y = p.state.numbers, p.values, p.state.y
     record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], numbers[STEP], numbers[SINGULAR], share
     record.leapt[done] = 0.0
-    start, nodal = record.y, record.values  # copied by hand: array assignment allocates
+    start, nodal = record.y, record.values  # element by element: array assignment allocates
     for a in range(len(y)):
         start[done, a] = y[a]
         for k in range(len(values)):
@@ -520,7 +521,7 @@ def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int)
 
 @shared
 def evaluate_stages(p: Parts, h: float, slot: int, kind: int) -> bool:
-    """The rates of all stages, the memory's excess over Basset's included where the kernel follows the slip; whether all is finite."""
+    """The rates of all stages, including the difference of the memory to Basset's where the kernel follows the slip; whether all is finite."""
     room, nodes = p.room, p.nodes
     count = len(nodes.c)
     finite = evaluate(p, room.times, room.states, room.rates, count)
@@ -888,7 +889,7 @@ def attempt(p: Parts, solve: Any) -> int:
             return code
         if numbers[SINGULAR] == 0.0:
             numbers[REFUSED] += 1.0
-            if numbers[REFUSED] > 1.7:  # the size that the error asked for did not do: is fun smooth?
+            if numbers[REFUSED] > 1.7:  # the size from the error estimate failed twice: is fun smooth?
                 numbers[REFUSED], numbers[TRIED] = 0.0, h
                 return SUSPECT
 
@@ -1134,7 +1135,7 @@ def room(stages: int, states: int, diagonal: bool = False) -> Room:
 
 @shared
 def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
-    """Make the numbers those of a state that sets out."""
+    """Set the numbers of a state at the start."""
     for k in range(len(numbers)):
         numbers[k] = 0.0
     numbers[TIME] = numbers[JUMPED] = start
@@ -1143,7 +1144,7 @@ def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
 
 
 def start_numbers(start: float, step: float, singular: bool) -> Floats:
-    """The numbers of a state that sets out."""
+    """The numbers of a state at the start."""
     numbers = np.zeros(NUMBERS)
     set_out(numbers, start, step, singular)
     return numbers

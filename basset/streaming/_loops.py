@@ -3,7 +3,7 @@
 Layout, chosen so that a component's whole state lies in a few cache lines and sums run over contiguous memory:
 samples (components, S): a ring of B = L+1 slots written twice, B apart, so that the last B samples are always one
 contiguous stretch (S = 2B); a stream of the whole history never wraps (S = B). terms (components, T): the exponentials'
-states. future (components, R): a ring of what earlier segments of the signal still add, slot node % R; the newest
+states. future (components, R): a ring of contributions of earlier segments, slot node % R; the newest
 node's slot is kept until the next sample comes.
 
 Decay is applied as a loss 1 − exp(−λ dt): a rate that changes little in a step then keeps all its digits over 1e6 steps.
