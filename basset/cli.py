@@ -35,7 +35,7 @@ PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
 SCENES = (
-    "in a scene with fixed steps, with times in the unit of its dt; the error is for given samples and not for a scene's grains: at a takeoff the "
+    "in a scene with fixed steps, with times in the unit of its dt; the error is that of given samples, not of a scene's grains: at a takeoff the "
     "slip begins as √t, and the error there is far larger:"
 )
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
