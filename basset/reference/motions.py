@@ -16,6 +16,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
+from basset import _validate
 from basset.reference import _laplace
 
 
@@ -102,9 +103,12 @@ def bouncing(
     >>> bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=2).times.round(12)  # a ball in vacuum: 1, then half as long each way
     array([1., 2.])
     """
-    if not (rate >= 0.0 and gravity > 0.0 and height > 0.0 and 0.0 <= restitution <= 1.0 and impacts >= 0):
-        given = f"{rate}, {gravity}, {height}, {restitution}, {impacts}"
-        raise ValueError(f"rate, gravity, height, restitution and impacts must be ≥ 0, > 0, > 0, from 0 to 1 and ≥ 0, got {given}")
+    _validate.non_negative("rate", rate, "1/s")
+    _validate.positive("gravity", gravity, "m/s²")
+    _validate.positive("height", height, "m")
+    _validate.integer("impacts", impacts, 0)
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"restitution must be from 0 to 1, got {restitution}")
     times: list[Any] = []
     jumps: list[Any] = []
     nodes, weights = np.polynomial.legendre.leggauss(24)
@@ -227,8 +231,10 @@ def solid_body_vortex(
     >>> bool(abs(abs(motion.position) - 1.0) < 1e-12), bool(abs(motion.slip) < 1e-12)
     (True, True)
     """
-    if not (rate >= 0.0 and coefficient >= 0.0 and beta >= 0.0 and rate + coefficient + beta > 0.0):
-        raise ValueError(f"rate, coefficient and beta must be ≥ 0 and not all 0 (the particle would be free of forces), got {rate}, {coefficient}, {beta}")
+    for name, value in (("rate", rate), ("coefficient", coefficient), ("beta", beta)):
+        _validate.non_negative(name, value)
+    if not rate + coefficient + beta > 0.0:
+        raise ValueError("rate, coefficient and beta must not all be 0: no force would act on the particle")
     if not omega:
         number = complex if digits is None else mpmath.mpmathify
         held, moved = (response(t, rate, coefficient, n, digits) for n in (0, 1))
@@ -280,8 +286,9 @@ def bagley_torvik(
     >>> abs(float(line.position) - 4.0) < 1e-12, abs(float(line.velocity) - 1.0) < 1e-12
     (True, True)
     """
-    if not (inertia > 0.0 and damping >= 0.0 and stiffness >= 0.0):
-        raise ValueError(f"inertia, damping and stiffness must be > 0, ≥ 0 and ≥ 0, got {inertia}, {damping}, {stiffness}")
+    _validate.positive("inertia", inertia)
+    _validate.non_negative("damping", damping, "s^(-1/2)")
+    _validate.non_negative("stiffness", stiffness, "s^(-2)")
     if not stiffness and ramp:
         raise ValueError(f"stiffness must be > 0 for a force that grows (ramp = {ramp}), got 0")
 
