@@ -419,7 +419,7 @@ class Job:
             if self.use == "stream" and dt > longest_step(rule, self.relaxation, self.coefficient):
                 return None  # diverges
             wrong = self.signal.error(rule.whole, dt, self.kernel)
-        except ValueError:  # no form for the kernel, no sum that reaches so far
+        except ValueError:  # no form for the kernel, or no fitted sum for that range
             return None
         if (tail := recipe.tail) is not None:
             wrong += tail.rtol or tail.max_relative_error(tail.near, max(steps * dt, tail.near))

@@ -17,7 +17,7 @@ from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import CALLS, WHAT, WHERE, copy
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton
-from basset.solvers.stepper import ACCEPTED, END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
+from basset.solvers.stepper import ACCEPTED, AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
 from basset.streaming import Plan
 from basset.streaming import State as Samples
 from basset.streaming._loops import peek, take
@@ -508,7 +508,7 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
             found.count[0] = count
             status = events.fire(m, found, t, parts.y, parts.after, parts.still, 1.5 * parts.dt)
             if status != events.PASSED:
-                out[0] = STOPPED if status == events.TERMINAL else LYING
+                out[0] = STOPPED if status == events.TERMINAL else AT_REST
             elif leaps or 2 * found.logged[0] > len(found.log_times):
                 out[0] = FULL
             if leaps and found.trouble[0] == 0:

@@ -16,7 +16,7 @@ from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel, gaus
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
-from basset.spectrum import STAYS, clock_of, followed
+from basset.spectrum import STAYS, log_stretch_of, weight_ratio
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -26,7 +26,7 @@ FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so 
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
-FOLLOWING = 4.0  # times the error of a singular step: with a kernel that follows the slip the solution has powers of √t outside the polynomial
+FOLLOWING = 4.0  # factor on the error estimate of singular steps: with a kernel that follows the slip the solution has powers of √t outside the polynomial
 PATIENCE = 4  # searches for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
 SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
@@ -120,7 +120,7 @@ class Integration:
         if self.varying is not None and self.tail is not None:
             v = self.varying
             self.following = following(count, self.tail, (v.c1, v.c2), v.diameter / v.viscosity, 1.0 / v.viscosity, v.slip_range, span)
-            self.problem = self.problem._replace(care=FOLLOWING)
+            self.problem = self.problem._replace(singular_factor=FOLLOWING)
         self.odd = self.tables.odd()
         self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
@@ -213,7 +213,7 @@ class Integration:
             self.tables.fill(self.odd, self.state.numbers)
         elif code == stepper.END:
             return self._turn()
-        elif code in (stepper.STOPPED, stepper.LYING):
+        elif code in (stepper.STOPPED, stepper.AT_REST):
             self.trace.status = 1 if code == stepper.STOPPED else 2
             return False
         elif code == stepper.SUSPECT:
@@ -268,7 +268,7 @@ class Integration:
                 if theta > 1.0:
                     found.count[0], theta = 0, share
                 status = stepper.to_event(m, found, parts, record, 0, theta)
-                code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.LYING}[status]
+                code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.AT_REST}[status]
                 if record.leapt[0]:
                     t = float(numbers[stepper.TIME])
                     self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self._one_side, t, state.y)])
@@ -587,8 +587,8 @@ class Integration:
         if self.tail is not None:
             lag = t - float(self.state.numbers[stepper.TIME])
             weights = self.tail.weights * np.exp(-self.tail.rates * lag)
-            clock = clock_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
-            if clock > -math.inf:
-                weights *= [followed(self.following, q, clock) for q in range(len(weights))]
+            log_stretch = log_stretch_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
+            if log_stretch > -math.inf:
+                weights *= [weight_ratio(self.following, q, log_stretch) for q in range(len(weights))]
             result[self.active] = (self.state.past + self.state.jump[:, None]) @ weights
         return result

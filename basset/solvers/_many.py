@@ -77,7 +77,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
                 if taken:
                     done += 1
             columns.codes[j], columns.calls[j] = code, numbers[stepper.CALLS]
-            if code not in (stepper.END, stepper.STOPPED, stepper.LYING):
+            if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
                 done, found.logged[0] = begun, logged
             columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], numbers[stepper.TIME]
             for a in range(len(state.y)):
@@ -89,7 +89,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
 
 
 march_many = compiled(_make_march_many, allocates=False, usually="some 5 s")
-STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.LYING: 2}
+STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.AT_REST: 2}
 
 
 class Block:

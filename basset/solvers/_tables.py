@@ -224,8 +224,8 @@ def local_shortfall(stages: int, c1: float) -> Floats:
     """What the local history of a unit step of a finite-Reynolds kernel lacks to Basset's: (places, grid, stage, node)."""
     result = np.zeros((3, LOCAL_POINTS, stages, stages))
     basset = (*local_history(stages, BassetKernel()), history_between(stages, BassetKernel()))
-    for g, clock in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
-        slip = 0.75 * (2.0 * clock**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
+    for g, stretch in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
+        slip = 0.75 * (2.0 * stretch**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
         kernel = MeiAdrianKernel(slip, 1.0, 1.0, c1, 0.0)
         result[:, g] = np.array(basset) - np.array((*local_history(stages, kernel), history_between(stages, kernel)))
     return result

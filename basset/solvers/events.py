@@ -15,7 +15,7 @@ import numpy as np
 from basset._compile import Callbacks, Entry, c_function, call, filled, is_compiled, overloads, separate, shared
 from basset.kernels import Floats
 from basset.solvers.base import Task, returned
-from basset.spectrum import Following, clock_of, followed
+from basset.spectrum import Following, log_stretch_of, weight_ratio
 
 CALLS, WHERE, WHAT = 7, 10, 11  # places in State.numbers, as in `stepper`
 CLEAR = 64.0  # roundings: an event function farther from zero than that has a sign
@@ -175,13 +175,13 @@ def subtract_memory(m: Motion, t: float, y: Floats, strength: Floats, rate: Floa
     """Rate − strength·H in place, H at t in the states y if nothing has happened since the step's start; uses row 8."""
     lag, follows = t - m.numbers[0], len(m.following.values) > 0
     copy(y, m.rows[8])
-    clock = clock_of(m.following, m.where, m.rows, 8) if follows else -math.inf
+    log_stretch = log_stretch_of(m.following, m.where, m.rows, 8) if follows else -math.inf
     for a in range(len(m.where)):
         total = 0.0
         for q in range(len(m.rates)):
             weight = m.weights[q] * math.exp(-m.rates[q] * lag)
-            if clock > -math.inf:
-                weight *= followed(m.following, q, clock)
+            if log_stretch > -math.inf:
+                weight *= weight_ratio(m.following, q, log_stretch)
             total += (m.past[a, q] + m.jump[a]) * weight
         rate[m.where[a]] -= strength[a] * total
 

@@ -16,7 +16,7 @@ from basset.quadrature import Daitche, Rule, SemiDerivative, resolve
 from basset.solvers import _fixed, events
 from basset.solvers.base import Method, Piece, Segment, SolverError, Task, Trace, segments
 from basset.solvers.stability import bounds, degree_of, longest_step, stable, whole_recipe
-from basset.solvers.stepper import END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE
+from basset.solvers.stepper import AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE
 from basset.spectrum import STAYS
 from basset.streaming import Plan, State
 from basset.weights.polynomials import lagrange
@@ -137,7 +137,7 @@ class _Integration:
             if calls.raised is not None:
                 raise calls.raised
             node, end = int(numbers[_fixed.NODE]), trace.times[-1]
-            if code not in (END, FULL, STOPPED, LYING):
+            if code not in (END, FULL, STOPPED, AT_REST):
                 raise SolverError(self._reason(code, found, end))
             broken = node == stop and bool(ahead)
             if broken:
@@ -149,7 +149,7 @@ class _Integration:
                 self._jump(end, delta)
                 trace.times.append(end)
                 trace.states.append(y.copy())
-            if code in (STOPPED, LYING):
+            if code in (STOPPED, AT_REST):
                 trace.status = 1 if code == STOPPED else 2
                 return
             if broken and not leapt:

@@ -21,10 +21,10 @@ from basset._compile import call, compiled, entry, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
-from basset.spectrum import Following, clock_of, followed
+from basset.spectrum import Following, log_stretch_of, weight_ratio
 from basset.streaming._loops import dot
 
-END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, AT_REST = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
@@ -66,7 +66,7 @@ class Problem(NamedTuple):
     strength: Floats
     first: float = -math.inf
     last: float = math.inf
-    care: float = 1.0  # times the error of a singular step
+    singular_factor: float = 1.0  # on the error estimate of singular steps
 
 
 class Nodes(NamedTuple):
@@ -382,7 +382,7 @@ def defect_error(p: Parts) -> float:
         error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
         if not error <= worst:
             worst = error
-    result: float = worst * problem.care
+    result: float = worst * problem.singular_factor
     return result
 
 
@@ -540,20 +540,20 @@ def exceed(p: Parts, states: Floats, i: int, place: float, which: int, h: float,
     following, problem, state, values = p.following, p.problem, p.state, p.values
     where, memory, jump, strength = problem.where, state.past, state.jump, problem.strength
     members, count = len(where), len(values)
-    clock = clock_of(following, where, states, i)
-    if clock == -math.inf:
+    log_stretch = log_stretch_of(following, where, states, i)
+    if log_stretch == -math.inf:
         return  # Basset's kernel
     local = following.local
     for q in range(len(following.log_rates)):
-        share = past[q] * (followed(following, q, clock) - 1.0)
+        share = past[q] * (weight_ratio(following, q, log_stretch) - 1.0)
         for a in range(members):
             rates[i, where[a]] -= strength[a] * share * memory[a, q]
     if kind == 1:
         lag = place * h
-        share = ((1.0 + math.exp(1.5 / following.c1 * (clock + math.log(lag)))) ** -following.c1 - 1.0) / math.sqrt(lag)
+        share = ((1.0 + math.exp(1.5 / following.c1 * (log_stretch + math.log(lag)))) ** -following.c1 - 1.0) / math.sqrt(lag)
         for a in range(members):
             rates[i, where[a]] -= strength[a] * share * jump[a]
-    position = (clock + math.log(h) - following.local_low) * following.local_inverse
+    position = (log_stretch + math.log(h) - following.local_low) * following.local_inverse
     if position <= 2.0:
         return  # Basset's within 1e-9
     cell = min(int(position), local.shape[1] - 4)
@@ -1074,7 +1074,7 @@ def watched(given: Watch, t: float, y: Any, out: Any, own: Any) -> None:
     if found.trouble[0] != 0:
         out[0], out[1] = TROUBLE, 0.0
     elif status != events.PASSED:
-        out[0] = STOPPED if status == events.TERMINAL else LYING
+        out[0] = STOPPED if status == events.TERMINAL else AT_REST
 
 
 watch_entry = entry(watched, "some 10 s")

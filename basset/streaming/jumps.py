@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def remember(plan: Plan, state: State, delta: ArrayLike, age: float, g: ArrayLike | None) -> None:
-    """`Plan.jump`."""
+    """Does the work of `Plan.jump`."""
     shape = state.history.shape
     delta = sample_of("delta", delta, shape, number=True)
     age = _validate.non_negative("age", age, "seconds")

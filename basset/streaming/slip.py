@@ -258,7 +258,7 @@ class SumPlan(VaryingPlan):
         if not degree or window != degree // 2 + 1:
             raise ValueError(f"window must be {degree // 2 + 1} steps beside a sum of exponentials and a slip that varies, got {window}")
         reach, log_step = max(self.steps, 2 * window) * self.dt, math.log(self.dt)
-        low, high = (float(clock) for clock in _clocks(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
+        low, high = (float(log_stretch) for log_stretch in _log_stretches(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
         self.tail_sum = tail
         table, rates = slip_table(tail, kernel.c1, reach, fine), tail.rates * self.dt
         following = table._replace(weights=table.weights * math.sqrt(self.dt), log_rates=table.log_rates + log_step, values=table.values.copy())
@@ -274,11 +274,11 @@ class SumPlan(VaryingPlan):
         from basset.streaming import _loops
 
         history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
-        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
+        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _log_stretches(bends), history, room)
         return history
 
 
-def _clocks(bends: Floats) -> Floats:
+def _log_stretches(bends: Floats) -> Floats:
     """Ln C^(2/3)."""
     return np.asarray(2.0 / 3.0 * np.log(np.maximum(bends, 1e-300)))
 
