@@ -87,7 +87,7 @@ class Integration:
         self.kernel: Kernel = task.kernel if isinstance(task.kernel, Kernel) else BassetKernel()
         span = task.end - task.start
         limit = min(method.max_step or span, span)
-        self.segments = segments(task)  # the running one first
+        self.segments = segments(task)  # the current one first
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
         self.beyond: Floats | None = None  # y' behind it
         self.looks = (math.nan, 0)  # where, how often
