@@ -1,4 +1,4 @@
-"""Basset: the history force, to any accuracy, at the lowest price.
+"""The Basset history force: quadrature, streams and solvers to a chosen accuracy.
 
 H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that behave as s^(-1/2) at short lags.
 """

@@ -1,4 +1,4 @@
-"""What is compiled ahead: every compiled function of this package, called once with the types that it always gets."""
+"""What `basset warmup` compiles: every compiled function of this package, called once with the types that it always gets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def streams() -> None:
 
 
 def slips() -> None:
-    """A stream whose kernel follows the slip."""
+    """A stream whose kernel depends on a slip that varies."""
     plan = Exponential(1, 1e-3).plan(0.1, 2.0, VaryingSlipKernel(1e-3, 1e-6, (1e-2, 1e-1)))
     plan.run(plan.start(), np.ones(9), slip=np.full(9, 0.05))
 
@@ -53,7 +53,7 @@ def compiled_functions() -> None:
 
 TASKS: dict[str, Callable[[], None]] = {
     "streams of samples": streams,
-    "streams whose kernel follows the slip": slips,
+    "streams with a slip-dependent kernel": slips,
     "solvers of a Python function": python_functions,
     "solvers of a compiled function": compiled_functions,
 }

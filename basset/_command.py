@@ -1,4 +1,4 @@
-"""What the commands of this package and of those above it share: mistakes, tables, progress, files."""
+"""What the command lines of basset, saltation and bench share: user errors, tables, progress, output files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ INTERRUPTED = 130  # exit status, as shells have it
 
 
 class Mistake(click.ClickException):
-    """What a user can mend."""
+    """An error of the user: one sentence, exit status 2."""
 
     exit_code = 2
 
@@ -40,7 +40,7 @@ class Mistake(click.ClickException):
 
 
 def _escaped(error: UnicodeError) -> tuple[str, int]:
-    """A letter that an encoding lacks, by its number as JSON and TOML write it."""
+    """A character that an encoding lacks, as the escape of JSON and TOML."""
     assert isinstance(error, UnicodeEncodeError)
     return "".join(f"\\u{ord(letter):04x}" for letter in error.object[error.start : error.end]), error.end
 
@@ -49,7 +49,7 @@ codecs.register_error("basset.escaped", _escaped)
 
 
 class Commands(click.Group):
-    """A group of commands that are never left without a sentence, printed wherever it goes: what an output's encoding lacks is escaped."""
+    """A group of commands: every failure is one sentence, and characters that the output's encoding lacks are escaped."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Parse and run."""
@@ -87,7 +87,7 @@ def console(error: bool = False) -> Console:
 
 @contextlib.contextmanager
 def printing() -> Iterator[None]:
-    """Print as far as somebody reads: a pipe that is closed is no failure."""
+    """A reader that closes the pipe is no failure."""
     try:
         yield
         sys.stdout.flush()
@@ -102,7 +102,7 @@ def named(path: str | os.PathLike[str]) -> str:
 
 @contextlib.contextmanager
 def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterator[Callable[[float], None]]:
-    """A bar on a terminal, nothing elsewhere; what is yielded takes the share that is done."""
+    """A bar on a terminal, nothing elsewhere; yields a function of the fraction done."""
     from rich.progress import BarColumn, Progress, TextColumn
 
     screen = console(error=True)
@@ -112,7 +112,7 @@ def progress(name: str, *columns: ProgressColumn, total: float = 1.0) -> Iterato
 
 
 def compile_ahead(what: str, task: Callable[[], Any]) -> None:
-    """Do something once, for what it compiles: a line for each thing that had to be."""
+    """Run `task` once, which compiles what it needs: a line for each function that had to be compiled."""
     began = time.perf_counter()
     found: list[str] = []
 
@@ -128,7 +128,7 @@ def compile_ahead(what: str, task: Callable[[], Any]) -> None:
 
 @contextlib.contextmanager
 def mistakes_of_files(option: str) -> Iterator[None]:
-    """What the file system refuses is a mistake."""
+    """Errors of the file system as errors of the user."""
     try:
         yield
     except OSError as error:
@@ -136,7 +136,7 @@ def mistakes_of_files(option: str) -> Iterator[None]:
 
 
 def check_output(path: Path, force: bool) -> None:
-    """Refuse before anything is computed."""
+    """Refuse an output that cannot be written, before anything is computed."""
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
     if is_stream(path):

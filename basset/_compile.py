@@ -63,12 +63,12 @@ def digest_of(package: str) -> str:
 
 
 LOCK = threading.RLock()
-WAITING: list[Callable[[Any], Any]] = []  # what the compiler is told once it is loaded
-REPORTS: list[Callable[[str, float], None]] = []  # who wants to know what was compiled, and in how many seconds
+WAITING: list[Callable[[Any], Any]] = []  # hooks that register something with numba, run when it is loaded
+REPORTS: list[Callable[[str, float], None]] = []  # called with name and seconds of what was compiled, see `reported`
 
 
 def compiler() -> Any:
-    """numba, which knows all that it was to be told."""
+    """numba, after all waiting hooks have run."""
     import numba
 
     with LOCK:
@@ -77,29 +77,29 @@ def compiler() -> Any:
     return numba
 
 
-def when_loaded(tell: Callable[[Any], Any]) -> None:
-    """Tell the compiler something before it compiles anything; at once if it is there."""
+def when_loaded(hook: Callable[[Any], Any]) -> None:
+    """Call hook(numba) before numba compiles anything of ours; at once if it is loaded."""
     with LOCK:
-        WAITING.append(tell)
+        WAITING.append(hook)
     if "numba" in sys.modules:
         compiler()
 
 
 def _announce(numba: Any) -> None:
-    """Say on a terminal, once, what is being compiled; report it when it is done."""
+    """Name on a terminal, once, what is being compiled; report it when it is done."""
 
     class Announcer(numba.core.event.Listener):  # type: ignore[misc]  # the base is numba's
-        told: set[str] = set()  # noqa: RUF012 - of the process, which has one listener
+        announced: set[str] = set()  # noqa: RUF012 - of the process, which has one listener
 
         def on_start(self, event: Any) -> None:
-            kept = _kept(event)
-            if kept is not None and not UNDER_WAY and kept.name not in self.told and sys.stderr.isatty():
-                self.told.add(kept.name)
+            kept = _keeper_of(event)
+            if kept is not None and not UNDER_WAY and kept.name not in self.announced and sys.stderr.isatty():
+                self.announced.add(kept.name)
                 print(f"compiling, once: {kept.name} (usually {kept.usually})", file=sys.stderr, flush=True)
             UNDER_WAY.append((time.perf_counter(), kept is not None))
 
         def on_end(self, event: Any) -> None:
-            seconds, kept = time.perf_counter() - UNDER_WAY.pop()[0], _kept(event)
+            seconds, kept = time.perf_counter() - UNDER_WAY.pop()[0], _keeper_of(event)
             if kept is not None and event.is_failed:
                 kept.done()
             if kept is not None and not UNDER_WAY:
@@ -109,21 +109,21 @@ def _announce(numba: Any) -> None:
     numba.core.event.register("numba:compile", Announcer())
 
 
-SEPARATE: set[str] = set()
-UNDER_WAY: list[tuple[float, bool]] = []  # of what is being compiled, outermost first: since when, and whether it is ours
+SEPARATE: set[str] = set()  # names of functions that are not inlined, see `separate`
+UNDER_WAY: list[tuple[float, bool]] = []  # functions being compiled, outermost first: start time, and whether it is ours
 WHOLE: set[str] = set()  # names of functions that are entered from Python
-BARE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # nobody but compiled code calls it
+BARE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # called by compiled code only
 
 
 @when_loaded
 def _short(numba: Any) -> None:
-    """Send our functions through the short pipeline."""
+    """Use the short pipeline for our functions."""
     BARE["pipeline_class"] = importlib.import_module("basset._pipeline").Plain
 
 
 @when_loaded
 def _optimise_once(numba: Any) -> None:
-    """Have only whole functions linked, optimised and made executable, not everything that they are put together from as well."""
+    """Link, optimise and load only functions entered from Python, not also each function that they call."""
     library, context = numba.core.codegen.CPUCodeLibrary, numba.core.cpu.CPUContext
     finish, executable, wrap = library.finalize, context.get_executable, context.create_cfunc_wrapper
 
@@ -153,8 +153,8 @@ def _optimise_once(numba: Any) -> None:
     library.finalize, context.get_executable, context.create_cfunc_wrapper = finalize, get_executable, create_cfunc_wrapper
 
 
-def _kept(event: Any) -> Keeper | None:
-    """The cache of one of our functions that is being compiled; None for somebody else's."""
+def _keeper_of(event: Any) -> Keeper | None:
+    """The cache of one of our functions that is being compiled; None for others."""
     cache = event.data["dispatcher"]._cache
     return cache if isinstance(cache, Keeper) else None
 
@@ -175,8 +175,8 @@ def reported(report: Callable[[str, float], None]) -> Iterator[None]:
 class Files:
     """The compiled forms of one function, a file for each: whole or not at all, and checked when read.
 
-    numba's own index of all forms is lost where two processes write it at once, and what it points to is run unseen: here the
-    file's name is the key's and the key is in the file.
+    numba's own index of all forms is lost where two processes write it at once, and the files that it points to are run unchecked:
+    here the file's name is the hash of its key, and the key is in the file.
     """
 
     def __init__(self, folder: str, base: str) -> None:
@@ -210,13 +210,13 @@ class Files:
             path.unlink(missing_ok=True)
 
 
-LONGEST = 100.0  # s: how long to wait for another process's compiler
+LONGEST_WAIT = 100.0  # s, for another process's compiler
 
 
 class Keeper:
-    """numba's cache of one function, which nothing on the disk can make an obstacle: what cannot be read is compiled again.
+    """numba's cache of one function, made safe against damaged and unwritable files: what cannot be read is compiled again.
 
-    `name` and `usually` (how long it takes) are for people.
+    `name` and `usually` (how long compiling takes) are for messages.
     """
 
     warned = False  # once in a process: one disk, one cause
@@ -226,7 +226,7 @@ class Keeper:
         try:
             self.cache = compiler().core.caching.FunctionCache(plain)
             self.cache._cache_file = Files(self.cache.cache_path, self.cache._impl.filename_base)
-        except Exception as error:  # neither beside the package nor in the user's cache, as in containers
+        except Exception as error:  # no writable folder, neither beside the package nor in the user's cache, as in containers
             self.warn("kept", error)
 
     @property
@@ -256,7 +256,7 @@ class Keeper:
             lock = self._lock()
             lock.parent.mkdir(parents=True, exist_ok=True)
             self.turn = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
-            until = time.monotonic() + LONGEST
+            until = time.monotonic() + LONGEST_WAIT
             while fcntl is not None and time.monotonic() < until:  # a process that was stopped while it compiled must not stop others
                 try:
                     fcntl.flock(self.turn, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -265,7 +265,7 @@ class Keeper:
                     time.sleep(0.1)
 
     def done(self) -> None:
-        """Let others go on."""
+        """Release the lock."""
         if self.turn >= 0 and self.cache is not None:
             with contextlib.suppress(OSError):
                 os.unlink(self._lock())
@@ -315,14 +315,14 @@ class Compiled:
                 self._function = self._make()
                 names = getattr(sys.modules.get(self._module), "__dict__", {})
                 for name in [name for name, value in names.items() if value is self]:
-                    names[name] = self._function  # whoever calls module.name pays for no detour
+                    names[name] = self._function  # calls of module.name then take no detour
             return self._function
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call it."""
         return self._made()(*arguments, **keywords)
 
-    def __getattr__(self, name: str) -> Any:  # so compiled code takes it for what it stands for: numba asks for its _numba_type_
+    def __getattr__(self, name: str) -> Any:  # numba asks for _numba_type_: compiled code then sees the compiled function
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self._made(), name)
@@ -333,7 +333,7 @@ def compiled(factory: Callable[[str], Function], *, reassociate: bool = False, a
 
     `reassociate` lets the compiler reorder sums (never the meaning of NaN or infinity): for reductions only. A loop that
     makes no arrays of its own says so with allocates=False and is spared counting references: a third of its time.
-    `usually` says how long people have to wait for it.
+    `usually` says how long compiling takes, for messages.
     """
     return cast(Function, Compiled(partial(_compiled, factory, reassociate, allocates, usually), factory.__module__))
 
@@ -365,13 +365,13 @@ def is_compiled(function: Any) -> bool:
 
 
 def shared(function: Function) -> Function:
-    """A function that compiled code inlines and that stays plain Python for everybody else."""
+    """A function that compiled code inlines and that stays plain Python elsewhere."""
     when_loaded(lambda numba: numba.extending.register_jitable(**BARE)(function))
     return function
 
 
 def separate(function: Function) -> Function:
-    """As `shared`, but called: what is long and called from many places is not copied to all of them."""
+    """As `shared`, but not inlined: for long functions that are called from many places."""
     SEPARATE.add(function.__qualname__)
     return shared(function)
 
@@ -389,7 +389,7 @@ def overloads(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Ca
 def load(address: int, index: int) -> float:
     """The float64 at `address` + 8·index: reads a table without the reference counts that arrays in tuples cost in loops.
 
-    Whoever makes the address keeps its array alive.
+    The caller keeps the array alive.
     """
     return ctypes.c_double.from_address(int(address) + 8 * int(index)).value
 
@@ -417,7 +417,7 @@ def _load_compiled(numba: Any) -> None:
 class Entry(NamedTuple):
     """A compiled function as a C function of (t, y, out, own, data), by its address, and the address of its data.
 
-    One type for all: what calls it is compiled once. Whoever makes it keeps the data alive.
+    One type for all: what calls it is compiled once. The caller keeps the data alive.
     """
 
     address: int
@@ -523,17 +523,17 @@ def _enter(parts):  # its global `stub` is another one for every function, see `
 def entry(function: Callable[..., None], usually: str = "a second") -> Callable[..., Any]:
     """Parts -> `function`(parts, t, y, out, own) as something to `call`: plain, or an `Entry`; and what must be kept alive.
 
-    `parts` are NamedTuples of numbers and arrays, which somebody else keeps alive too. A new type of them compiles `function`
+    `parts` are NamedTuples of numbers and arrays, which the caller keeps alive too. A new type of them compiles `function`
     and nothing that calls it; nor is it optimised again with what calls it, as numba does with what is called otherwise.
     """
 
     def stub(parts: Any) -> int:
         raise NotImplementedError  # compiled code alone has a form of it, see `_entry_form`
 
-    def tell(numba: Any) -> None:
+    def register(numba: Any) -> None:
         numba.extending.overload(stub)(_entry_form(numba, function))
 
-    when_loaded(tell)
+    when_loaded(register)
     name = f"{function.__module__}.{function.__name__}"
     plain = FunctionType(_enter.__code__, {"__name__": function.__module__, "stub": stub}, function.__name__)
     plain.__module__, plain.__qualname__ = function.__module__, f"entry_of_{name}"
@@ -663,7 +663,7 @@ def c_function(function: Any, args: tuple[Any, ...], table: Any, number: bool = 
 
     Floats and arrays (C order) among `args` are data, read at every call where the table says that they lie: new ones compile
     nothing. What else there is is frozen into the function and must be hashable. `table` (args + states,), in words, has room for the
-    states too, which the function may write into. Somebody else keeps it and the arrays alive.
+    states too, which the function may write into. The caller keeps it and the arrays alive.
     """
     kinds = tuple(
         (value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if isinstance(value, float) else (None, value, type(value)) for value in args
@@ -674,7 +674,7 @@ def c_function(function: Any, args: tuple[Any, ...], table: Any, number: bool = 
 
 
 def tabulate(table: Any, args: tuple[Any, ...]) -> None:
-    """Tell a function that was made by `c_function` what its arguments are; arrays must be kept alive."""
+    """Write the arguments of a function made by `c_function` into its table; the caller keeps arrays alive."""
     for k, value in enumerate(args):
         if hasattr(value, "ctypes"):
             table[k] = value.ctypes.data
@@ -723,7 +723,7 @@ def _appended(given: Any, kind: tuple[Any, ...], k: int, array: Any, pointer: An
 
 
 class Callbacks:
-    """Python functions (t, y) -> array as something to `call` from compiled code; what they raise is kept for whoever runs that code."""
+    """Python functions (t, y) -> array as something to `call` from compiled code; the first exception is kept in `raised`."""
 
     form = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written atomically: whole or not at all."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
             yield name
             if target.exists():
                 shutil.copymode(target, name)
-            _kept(name)
+            _synced(name)
             os.replace(name, target)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
         with contextlib.suppress(OSError):  # not every system can do so with folders
-            _kept(target.parent)
+            _synced(target.parent)
 
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """An interrupt or SIGTERM waits for the end: what writes files makes other errors of it, or loses it."""
+    """Defer SIGINT and SIGTERM to the end: libraries that write files turn an interrupt into other errors, or lose it."""
     waiting: list[int] = []
     signals = [one for one in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(one))]  # others end the process at once, or are ignored
     if threading.current_thread() is not threading.main_thread():
@@ -75,8 +75,8 @@ def write(path: Path, text: str) -> None:
         Path(name).write_text(text, encoding="utf-8")
 
 
-def _kept(path: str | os.PathLike[str]) -> None:
-    """Have the system write a file or a folder's names to the disk: a rename alone does not outlast a power failure."""
+def _synced(path: str | os.PathLike[str]) -> None:
+    """Fsync of a file or folder: a rename alone does not outlast a power failure."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

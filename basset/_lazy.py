@@ -1,4 +1,4 @@
-"""Faces of packages that load a module when one of its names is asked for (SPEC 1, by PEP 562)."""
+"""Lazy loading: public names of a package import their module on first use (SPEC 1, by PEP 562)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 def face(package: str, names: dict[str, Any], places: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """(__getattr__, __dir__) of a package: `places` says which of its modules a name comes from, "module" or "module:name there".
 
-    `names` are the package's globals. A module of the package is found by its own name too, as if the face had imported it.
+    `names` are the package's globals. A module of the package is found by its own name too, as if the package had imported it.
     """
 
     def get(name: str) -> Any:
@@ -33,7 +33,7 @@ def face(package: str, names: dict[str, Any], places: Mapping[str, str]) -> tupl
 
 
 class Later:
-    """A module, or something of it, that is imported when it is first looked into or called: for the heads of command lines."""
+    """A module, or something of it, that is imported when it is first used: command lines then start fast."""
 
     def __init__(self, module: str, name: str = "") -> None:
         self._place = module, name

@@ -1,4 +1,4 @@
-"""How every figure looks: colours that all can tell apart (Okabe and Ito), quiet axes, reference slopes, legends below."""
+"""Style of all figures: colours safe for colour-blind readers (Okabe and Ito), light grid, reference slopes, legends below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the compiler takes our functions: without the passes that find nothing in them.
+"""A shorter compiler pipeline: without the passes that our functions do not need.
 
 Imported by `basset._compile` once numba is there.
 """
@@ -9,7 +9,7 @@ from typing import Any
 
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
-# what looks for closures, `with`, comprehensions, expressions of arrays, literal_unroll and what is inlined before it is typed: there are none
+# passes for closures, `with`, comprehensions, array expressions, literal_unroll and inlining before typing: our functions have none
 WITHOUT = (
     "WithLifting",
     "InlineClosureLikes",

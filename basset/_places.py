@@ -1,4 +1,4 @@
-"""What the compiler knows of NamedTuples that lie in memory: their type, how it is recognised, how one field is read.
+"""The compiler's type for NamedTuples at an address (`Placed`): how it is recognised, how a field is read.
 
 Imported by `basset._compile` once numba is there.
 """
@@ -17,7 +17,7 @@ from basset._compile import Placed
 
 
 class Place(types.Type):
-    """A NamedTuple at an address: one pointer wherever it goes, whatever it holds; a field is read where it is asked for."""
+    """A NamedTuple at an address: passed as one pointer; fields are read on access."""
 
     def __init__(self, kind: Any) -> None:
         self.kind = kind

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 def shown(value: Any, limit: int = 60) -> str:
-    """`value` as it can stand in a sentence: short, on one line."""
+    """Repr of `value` for a message: short, on one line."""
     try:
         text = " ".join(repr(value).split())
     except (ValueError, RecursionError):  # integers of thousands of digits, lists too deep in each other
@@ -25,10 +25,10 @@ class MissingError(ValueError):
     """Values are missing among others."""
 
 
-FILL = "fill the gaps, by interpolation for instance, or take a stretch without any"
+FILL = "fill the gaps, by interpolation for instance, or take an interval without any"
 
 
-def whole(name: str, value: Any) -> Any:
+def unmasked(name: str, value: Any) -> Any:
     """`value` without its mask; refused if it has masked entries or pandas' NA, under which NumPy would take any number."""
     if isinstance(value, np.ma.MaskedArray):
         if count := int(np.sum(value.mask)):
@@ -41,19 +41,19 @@ def whole(name: str, value: Any) -> Any:
             raise MissingError(f"{name} must have no missing values, got <NA>: {FILL}")
         if issubclass(kind, (list, tuple, np.ndarray)):
             for entry in entries:
-                whole(name, entry)
+                unmasked(name, entry)
     return value
 
 
 def apart(first: float, second: float) -> tuple[str, str]:
-    """Two numbers for one sentence, with so many digits that they differ."""
+    """Two numbers for one message, with enough digits to differ."""
     digits = 6 if first == second else next((count for count in range(6, 17) if f"{first:.{count}g}" != f"{second:.{count}g}"), 17)
     return f"{first:.{digits}g}", f"{second:.{digits}g}"
 
 
 def number(name: str, value: Any, right: str = "a finite number") -> float:
     """`value` as a finite float; TypeError for what is no real number, ValueError for NaN and infinity."""
-    value = whole(name, value) if isinstance(value, np.ma.MaskedArray) else value
+    value = unmasked(name, value) if isinstance(value, np.ma.MaskedArray) else value
     if isinstance(value, (bool, np.bool_, str, bytes)) or value is None:
         raise TypeError(f"{name} must be {right}, got {shown(value)}")
     try:
@@ -86,7 +86,7 @@ def non_negative(name: str, value: Any, unit: str = "") -> float:
 def integer(name: str, value: Any, low: int, high: int | None = None) -> int:
     """`value` as an int in [low, high]; floats are refused even when they are whole."""
     right = f"a whole number from {low} to {high}" if high is not None else f"a whole number, {low} or greater"
-    value = whole(name, value) if isinstance(value, np.ma.MaskedArray) else value
+    value = unmasked(name, value) if isinstance(value, np.ma.MaskedArray) else value
     if isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be {right}, got {shown(value)}")
     try:
@@ -118,9 +118,9 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 def real_array(name: str, value: Any) -> NDArray[np.float64]:
     """`value` as a float64 array; what does not hold real numbers, or misses some, is refused."""
     try:
-        array = np.asarray(whole(name, value))
+        array = np.asarray(unmasked(name, value))
         if array.dtype == object and not any(isinstance(entry, (str, bytes, bool, np.bool_)) or entry is None for entry in array.flat):
-            array = whole(name, array).astype(np.float64)
+            array = unmasked(name, array).astype(np.float64)
     except MissingError:
         raise
     except (TypeError, ValueError, OverflowError):

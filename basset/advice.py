@@ -31,7 +31,7 @@ from basset.weights import Recipe
 __all__ = ["Advice", "Candidate", "Machine", "advise", "calibrated"]
 
 USES = ("stream", "path")
-MARGINS = {"model": 3.0, "samples": 2.0}  # on predicted errors: no signal is the model, no stretch the whole path
+MARGINS = {"model": 3.0, "samples": 2.0}  # on predicted errors: a signal differs from the model, a path from its samples
 TAIL_SHARE = 0.2  # of the error allowed, for what a sum of exponentials loses
 STEPS = 4096  # of a signal on which schemes are tried, at most; errors of shorter steps go by the declared order
 SCALES = 30.0  # length of the model in time scales, at most
@@ -46,7 +46,7 @@ RESOLVED = 2.0  # samples per time scale, at least
 
 @dataclass(frozen=True)
 class Machine:
-    """Seconds that things take here."""
+    """Measured times of this machine, in seconds."""
 
     call: float  # a short call of a stream
     path: float  # a short call of a path by FFT
@@ -197,12 +197,12 @@ def advise(
     ----------
     error : float, dimensionless
         The largest error that is allowed on the path, relative to the largest |H|, from one time scale after its start on (no
-        scheme can know more of the first steps than the first samples tell).
+        scheme is more accurate in the first steps than their few samples allow).
     time_scale : float, seconds, optional
         How fast the rate g = df/dt changes: the T with |k-th derivative of g| ≤ |g|/T^k. 1/ω for cos ωt, 1/λ for e^(−λt),
         the shortest where there are several.
     samples, sample_step : array_like (n+1, ...) and float (seconds), optional
-        A stretch of the rate itself in place of the time scale, sampled finely: errors are then predicted for it, and a fast
+        Part of the rate itself in place of the time scale, sampled finely: errors are then predicted for it, and a fast
         part that is weak does not count as much as a strong one. Its largest |H| should be that of the whole path.
     dt : float, seconds, optional
         The step; None: each candidate takes the longest one that keeps the error.
@@ -213,7 +213,7 @@ def advise(
     particles, components : int
         Paths that are computed side by side, and components of each.
     kernel : Kernel
-        What is remembered.
+        The memory kernel K.
     memory : float, bytes
         Most that may be needed, for all particles.
     use : {"stream", "path"}
@@ -305,13 +305,13 @@ class Signal:
             return float(self.error(rule, shortest, kernel) * (dt / shortest) ** rule.error_order + ROUNDING)
         steps = max(8, math.floor(self.length / dt * (1.0 + 1e-9)))
         settled = min(steps, math.ceil(self.scale / dt))
-        exact = self._truth(dt, steps, kernel)
+        exact = self._reference_solution(dt, steps, kernel)
         wrong = np.abs(cumulate(self.rate(dt * np.arange(steps + 1)), dt, rule, kernel) - exact)[settled:]
         whole = min(self.scale / 8.0, 0.5 * self.length)
-        largest = np.abs(self._truth(whole, math.floor(self.length / whole), kernel)).max()
+        largest = np.abs(self._reference_solution(whole, math.floor(self.length / whole), kernel)).max()
         return float(wrong.max() / max(largest, 1e-300)) + ROUNDING
 
-    def _truth(self, dt: float, steps: int, kernel: Kernel) -> Floats:
+    def _reference_solution(self, dt: float, steps: int, kernel: Kernel) -> Floats:
         """H at every node (steps+1, columns)."""
         key = dt, steps, kernel
         if key not in self._references:
@@ -322,7 +322,7 @@ class Signal:
 
 
 def model(scale: float, length: float) -> Signal:
-    """Rates that are nothing but fast: an oscillation, in no special phase, and a decay of about as large an H."""
+    """A model signal of that time scale: an oscillation in a generic phase, and a decay with an H of about the same size."""
 
     def rate(t: Floats) -> Floats:
         return np.stack([np.cos(t / scale + 0.7), 1.6 * np.exp(-t / scale)], axis=1)
@@ -379,7 +379,7 @@ Family = Callable[[float], Rule]  # of the step
 
 @dataclass(frozen=True)
 class Job:
-    """What is asked for."""
+    """The arguments of `advise`, checked."""
 
     error: float
     length: float
@@ -419,7 +419,7 @@ class Job:
             if self.use == "stream" and dt > longest_step(rule, self.relaxation, self.coefficient):
                 return None  # diverges
             wrong = self.signal.error(rule.whole, dt, self.kernel)
-        except ValueError:  # no form for the kernel, no sum that reaches so far
+        except ValueError:  # no form for the kernel, or no fitted sum for that range
             return None
         if (tail := recipe.tail) is not None:
             wrong += tail.rtol or tail.max_relative_error(tail.near, max(steps * dt, tail.near))
@@ -507,7 +507,7 @@ def calibrate() -> Machine:
     for name, (rule, columns) in work.items():
         plan = rule.plan(1.0, 1e5)
         terms[name] = len(plan.tail_sum or ())
-        contenders[name] = partial(_march, plan, plan.start((columns,)), random((steps[columns], columns)))
+        contenders[name] = partial(_run_steady, plan, plan.start((columns,)), random((steps[columns], columns)))
     contenders |= {name: partial(cumulate, random(shape), 1.0, Daitche(1)) for name, shape in (("small", (2**8, 32)), ("large", (2**12, 128)), ("path", SHORT))}
     brief = Daitche(3).plan(1.0, float(BLOCK))
     contenders["whole"] = lambda: brief.run(brief.start((wide,)), small)
@@ -527,7 +527,7 @@ def calibrate() -> Machine:
     return Machine(call, path, step, column, node, term, stall, whole, transform, spill)
 
 
-def _march(plan: Any, state: Any, G: Floats) -> None:
-    """A stream that has settled takes so many steps; what they cost does not depend on the numbers."""
+def _run_steady(plan: Any, state: Any, G: Floats) -> None:
+    """Run a stream beyond its start-up; the cost does not depend on the values."""
     state.counters[:] = (5000.0, 5000.0, 0.0)
     plan.run(state, G)

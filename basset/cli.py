@@ -35,14 +35,14 @@ PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
 SCENES = (
-    "in a scene with fixed steps, times in the unit of dt; the error is that of given samples, not of a scene's grains: at a takeoff the slip "
-    "begins like √t, and jumps differ by far more:"
+    "in a scene with fixed steps, with times in the unit of its dt; the error is that of given samples, not of a scene's grains: at a takeoff the "
+    "slip begins as √t, and the error there is far larger:"
 )
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
 
 
 class Commands(_command.Commands):
-    """The group; what the library refuses is a mistake wherever it is met."""
+    """The group; errors of the library about its arguments are errors of the user."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -59,9 +59,9 @@ def main() -> None:
 
 
 def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say what is remembered."""
+    """The options of the memory kernel."""
     options = (
-        click.option("--kernel", default=KERNELS[0], show_default=True, help=f"What is remembered: {', '.join(KERNELS)}."),
+        click.option("--kernel", default=KERNELS[0], show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
         click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
         click.option("--diameter", type=float, help="Diameter of the particle, m."),
         click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
@@ -86,7 +86,7 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 @main.command()
 @click.option("--error", type=float, required=True, help="Largest error allowed, relative to the largest |H|.")
 @click.option("--time-scale", type=float, help="How fast the rate changes: 1/ω of the fastest oscillation, seconds.")
-@click.option("--samples", "file", type=click.Path(path_type=Path), help="A finely sampled stretch of the path instead: .csv, .npy or .nc.")
+@click.option("--samples", "file", type=click.Path(path_type=Path), help="A finely sampled part of the path instead: .csv, .npy or .nc.")
 @with_samples
 @click.option("--dt", type=float, help="The step in seconds.  [default: the longest that keeps the error]")
 @click.option("--steps", type=int, help="Number of steps, with --dt.")
@@ -202,7 +202,7 @@ def subject_of(name: str, kind: str, step: float | None, variable: str | None, i
 
 
 def known(ctx: click.Context, parameter: click.Parameter, scheme: str) -> str:
-    """The scheme; refused before what else is missing."""
+    """The scheme; an unknown one is refused before missing options are."""
     basset.SCHEMES[scheme]
     return scheme
 

@@ -1,4 +1,4 @@
-"""Schemes measured against each other, on given samples or on a named problem: errors, times, the work–precision diagram."""
+"""Schemes compared, on given samples or on a named problem: errors, times, the work–precision diagram."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is integrated."""
+    """The samples or problem on which schemes are compared."""
 
     levels: tuple[int, ...]  # numbers of steps, each twice the one before
     arguments: Callable[[int], dict[str, Any]]  # steps -> g, dt, input and initial_slip of `cumulate`

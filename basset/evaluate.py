@@ -32,7 +32,7 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     rule : Rule or str
         How to integrate; a name in `basset.SCHEMES` stands for that scheme with its default parameters.
     kernel : Kernel
-        What is remembered.
+        The memory kernel K.
     initial_slip : array_like, scalar or (...)
         f(t_0), the jump from rest at t_0, in the unit of f. For slip samples f(t_0) is their first row.
     input : {"rate", "slip"}
@@ -111,7 +111,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     rule : Rule or str
         How to integrate.
     kernel : Kernel
-        What is remembered.
+        The memory kernel K.
     initial_slip : array_like, scalar or (...)
         f(t_0), in the unit of f.
     input : {"rate", "slip"}

@@ -76,7 +76,7 @@ class ExponentialSum:
         far = self.far if self.far == math.inf else _validate.positive("far", self.far, "seconds")
         if not isinstance(self.kernel, Kernel):
             raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(self.kernel)}")
-        given = (_validate.whole("weights", self.weights), _validate.whole("rates", self.rates))
+        given = (_validate.unmasked("weights", self.weights), _validate.unmasked("rates", self.rates))
         try:
             weights, rates = (np.array(values, dtype=np.float64) for values in given)
         except (TypeError, ValueError):

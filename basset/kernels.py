@@ -1,4 +1,4 @@
-"""What is remembered: the kernels K(s) of the history force, and their moments.
+"""The memory kernels K(s) of the history force, and their moments.
 
 A kernel is a small frozen class. Every kernel here can be written K(s) = dt^(-1/2) K'(s/dt), where K' is a kernel of
 the same family with its time scale measured in steps (`Kernel.scaled`). All weights are therefore built for a unit step.
@@ -33,7 +33,7 @@ def gauss_legendre(points: int) -> tuple[Floats, Floats]:
 
 def checked_lags(s: ArrayLike) -> Floats:
     """`s` as float64 lags of 0 or greater; TypeError for what holds no real numbers, ValueError for negative ones and NaN."""
-    s = _validate.whole("s", s)
+    s = _validate.unmasked("s", s)
     try:
         lags = np.asarray(s)
         if lags.dtype.kind not in "fiu":

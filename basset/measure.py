@@ -85,7 +85,7 @@ def processor() -> str:
 
 
 def provenance(command: str, packages: Iterable[str] = ("numpy", "scipy", "mpmath")) -> dict[str, str]:
-    """Who measured: command, date (UTC, YYYY-MM-DD), processor, and versions of Python, basset and `packages`."""
+    """Provenance of a measurement: command, date (UTC, YYYY-MM-DD), processor, and versions of Python, basset and `packages`."""
     found = {"python": platform.python_version(), "basset": __version__}
     for package in packages:
         try:

@@ -1,4 +1,4 @@
-"""Samples that users have: CSV, npy and netCDF files as an array and its step."""
+"""Files of samples (CSV, npy, netCDF) as an array and its step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The finite-Reynolds kernels as spectra of decaying exponentials: rates that stay, weights that follow the slip.
+"""Finite-Reynolds kernels as spectra of decaying exponentials: fixed rates, weights that follow the slip.
 
 k(x) = x^(-1/2) (1 + x^(3/(2 c1)))^(-c1) is completely monotone for c1 ≥ 3/2, since x^(3/(2 c1)) then is a Bernstein
 function: k(x) = ∫_0^∞ μ(λ) e^(−λx) dλ with μ ≥ 0. The Basset kernel has μ_B = 1/√(πλ); their ratio is ρ = μ/μ_B. As
@@ -50,7 +50,7 @@ class SpectralTable(NamedTuple):
 
 
 class Following(NamedTuple):
-    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: a kernel that stays.
+    """A finite-Reynolds kernel K(s; C) of the slip at t: fixed rates, weights that follow C(t), see `basset.spectrum`; no values: it is constant.
 
     C = ½√π (U/f)³ scale^(3/2), f = 0.75 + c2 U reynolds, U being the slip between `least` and `most`. `local` is what the local history of a unit
     step falls short of Basset's, on a uniform grid of ln(C^(2/3) h) from `local_low`: (places, grid, stage, node), places: nodes of a regular
@@ -277,21 +277,21 @@ def ratio_at(low: float, inverse_step: float, values: Floats, row: int, log_rate
 
 
 @shared
-def clock_of(following: Following, where: Any, states: Floats, i: int) -> float:
-    """Ln C^(2/3) at row i of `states`; −∞ for C = 0."""
+def log_stretch_of(following: Following, where: Any, states: Floats, i: int) -> float:
+    """Ln C^(2/3) at row i of `states`: K(s; C) is a function of C^(2/3) s; −∞ for C = 0."""
     speed = 0.0
     for a in range(len(where)):
         speed += states[i, where[a]] ** 2
     speed = min(max(math.sqrt(speed), following.least), following.most)
     if speed == 0.0:
         return -math.inf
-    clock = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(following.scale)
-    return clock + 2.0 * math.log(speed / (0.75 + following.c2 * speed * following.reynolds))
+    log_stretch = 2.0 / 3.0 * math.log(0.5 * math.sqrt(math.pi)) + math.log(following.scale)
+    return log_stretch + 2.0 * math.log(speed / (0.75 + following.c2 * speed * following.reynolds))
 
 
 @shared
-def followed(following: Following, q: int, clock: float) -> float:
-    """What the weight of term q is multiplied by at ln C^(2/3) = `clock`."""
+def weight_ratio(following: Following, q: int, log_stretch: float) -> float:
+    """The factor on the weight of term q at ln C^(2/3) = `log_stretch`."""
     rows = following.values.shape[0]
-    found: float = ratio_at(following.low, following.inverse_step, following.values, min(q, rows - 1), following.log_rates[q] - clock)
+    found: float = ratio_at(following.low, following.inverse_step, following.values, min(q, rows - 1), following.log_rates[q] - log_stretch)
     return found

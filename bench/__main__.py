@@ -55,7 +55,7 @@ def commit() -> str:
 
 @click.command(cls=Listing, help="Measure what accuracy costs in time; all suites unless some are named.")
 @click.argument("names", nargs=-1, metavar="[SUITE]...")
-@click.option("--full", is_flag=True, help="Longer runs, all suites, and the peers.")
+@click.option("--full", is_flag=True, help="Longer runs, all suites, and the comparison with other packages (peers).")
 @click.option("--missing", is_flag=True, help="Only suites that have no file in the output yet.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=DATA, help="Where the JSON goes.  [default: reports/data]")
 def main(names: tuple[str, ...], full: bool, missing: bool, output: Path) -> None:

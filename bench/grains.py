@@ -1,4 +1,4 @@
-"""Scenes of the suite on saltation, and many of them run over all cores: what is kept of each run, ready for JSON."""
+"""Scenes of the saltation suite, run on all cores, and what is kept of each run for JSON."""
 
 from __future__ import annotations
 

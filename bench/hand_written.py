@@ -15,6 +15,7 @@ import numpy as np
 
 from basset._compile import compiled, load, shared
 from basset.kernels import Floats
+from basset.solvers.stepper import invert
 from saltation._random import uniforms
 
 SPAN, LADDER, FIRST = 16.0, 8, 0.02  # longest step (d/u*), sizes per octave, first step of a flight
@@ -95,34 +96,6 @@ def rates(case, z, p, q):
     root = math.sqrt(reynolds)
     strength = -case.drag * (1.0 + 0.15 * root + 0.017 * reynolds - 0.208 / 24.0 * reynolds * root / (root + 1.0e4))
     return p + velocity, q, case.alpha * (case.along + strength * p) - shear * q, case.alpha * (-case.normal + strength * q)
-
-
-@shared
-def invert(matrix, result):
-    """Gauss–Jordan with row exchanges."""
-    n = len(matrix)
-    for i in range(n):
-        for k in range(n):
-            result[i, k] = 1.0 if i == k else 0.0
-    for i in range(n):
-        best = i
-        for k in range(i + 1, n):
-            if abs(matrix[k, i]) > abs(matrix[best, i]):
-                best = k
-        if best != i:
-            for k in range(n):
-                matrix[i, k], matrix[best, k] = matrix[best, k], matrix[i, k]
-                result[i, k], result[best, k] = result[best, k], result[i, k]
-        scale = 1.0 / matrix[i, i]
-        for k in range(n):
-            matrix[i, k] *= scale
-            result[i, k] *= scale
-        for row in range(n):
-            if row != i:
-                share = matrix[row, i]
-                for k in range(n):
-                    matrix[row, k] -= share * matrix[i, k]
-                    result[row, k] -= share * result[i, k]
 
 
 @shared

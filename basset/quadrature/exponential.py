@@ -1,4 +1,4 @@
-"""The leanest stream: exact newest panels, a fitted sum of exponentials for all the rest."""
+"""Exact newest panels and a fitted sum of exponentials for all older ones: the scheme with the least memory."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Rule(abc.ABC):
 
     @abc.abstractmethod
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
-        """What the method does at one step size: the one thing that a rule has to say.
+        """What the method does at one step size: the one method that a rule must define.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class Rule(abc.ABC):
         horizon : float, seconds
             The longest time that will be remembered.
         kernel : Kernel or VaryingSlipKernel
-            What is remembered.
+            The memory kernel K.
 
         Returns
         -------
@@ -113,7 +113,7 @@ class Rule(abc.ABC):
         dt : float, seconds
             Step size.
         kernel : Kernel
-            What is remembered.
+            The memory kernel K.
         input : {"rate", "slip"}
             For "slip" the weights act on f and give d/dt ∫K f (thesis 5-8): the initial slip f(t_0) is counted.
 
@@ -138,7 +138,7 @@ class Rule(abc.ABC):
         result[: len(body)] = body[::-1]
         result[len(body) : used + 1] = oldest[::-1]
         result *= step_factor(dt, input)
-        if used < n and input == "slip":  # what came before the window is forgotten: it makes no jump at its edge
+        if used < n and input == "slip":  # the slip before the window is dropped, without a jump at the window's edge
             result[used] -= float(kernel(used * dt))
         TABLES.trim()
         return result
@@ -160,7 +160,7 @@ class Rule(abc.ABC):
             The longest time that will be remembered, counted from the first sample. A window without tail, and a published
             tail, run on beyond it.
         kernel : Kernel or VaryingSlipKernel
-            What is remembered; with a VaryingSlipKernel the plan's methods take `slip=`.
+            The memory kernel K; with a VaryingSlipKernel the plan's methods take `slip=`.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class Rule(abc.ABC):
 
 
 def accept(rule: Rule, kernel: Any, input: str) -> None:
-    """Refuse what is no kernel, and an input that the method has no form for."""
+    """Raise for what is no kernel, and for an input that the method has no form for."""
     if not isinstance(kernel, Kernel):
         raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
     _validate.choice("input", input, INPUTS)

@@ -1,4 +1,4 @@
-"""A full-history rule on the newest stretch of time; what is older is dropped or left to a sum of exponentials."""
+"""A full-history rule on a window of the newest samples; beyond it the kernel is dropped or replaced by a sum of exponentials."""
 
 from __future__ import annotations
 

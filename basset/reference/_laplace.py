@@ -54,7 +54,7 @@ def entire(m: int, z: Any) -> Any:
 def poles(rate: float, coefficient: float) -> tuple[complex, complex]:
     """The roots of r² + c√π r + λ, the one with the larger modulus second; no cancellation and no overflow."""
     if coefficient < 0.0:
-        raise ValueError(f"coefficient: {coefficient} given; the history coefficient c is ≥ 0")
+        raise ValueError(f"coefficient must be 0 or greater, got {coefficient}")
     b = np.sqrt(np.pi) * coefficient
     if rate < 0.0:
         second = -(b + np.hypot(b, 2.0 * np.sqrt(-rate))) / 2.0
@@ -135,7 +135,7 @@ def exponential_erfc(z: Any) -> Any:
     return value + 2 * mpmath.exp(z * z) if mpmath.re(z) > 0 else value
 
 
-def settled(compute: Callable[[], Any], digits: int) -> Any:
+def converged(compute: Callable[[], Any], digits: int) -> Any:
     """`compute()` with more and more working digits until two answers agree to `digits`."""
     working = digits + 15
     with mpmath.workdps(working):
@@ -223,7 +223,7 @@ def inverse(rational: Rational, t: Any) -> Any:
     value[~near] = terms.sum(axis=1)
     bad = np.flatnonzero(~near)[np.abs(terms).max(axis=1, initial=0.0) > _CANCELLED * np.abs(value[~near])]
     for i in bad:
-        value[i] = complex(settled(partial(inverse_digits, rational, float(flat[i])), 17))
+        value[i] = complex(converged(partial(inverse_digits, rational, float(flat[i])), 17))
     return value.reshape(times.shape)[()]
 
 

@@ -112,10 +112,10 @@ def _value(s: Any, kernel: Kernel) -> Any:
     if isinstance(kernel, BassetKernel):
         return 1 / mpmath.sqrt(s)
     assert isinstance(kernel, MeiAdrianKernel)
-    return (1 + (_bend(kernel) * s ** mpmath.mpf("1.5")) ** (1 / mpmath.mpf(kernel.c1))) ** -kernel.c1 / mpmath.sqrt(s)
+    return (1 + (_steepness(kernel) * s ** mpmath.mpf("1.5")) ** (1 / mpmath.mpf(kernel.c1))) ** -kernel.c1 / mpmath.sqrt(s)
 
 
-def _bend(kernel: MeiAdrianKernel) -> Any:
+def _steepness(kernel: MeiAdrianKernel) -> Any:
     slip, viscosity = mpmath.mpf(kernel.slip), mpmath.mpf(kernel.viscosity)
     friction = mpmath.mpf("0.75") + mpmath.mpf(kernel.c2) * slip * mpmath.mpf(kernel.diameter) / viscosity
     return mpmath.sqrt(mpmath.pi) / 2 * (slip / friction / mpmath.sqrt(viscosity)) ** 3
@@ -130,7 +130,7 @@ def _panel_moments(k: int, degree: int, kernel: Kernel, precision: int) -> list[
         return [sum(math.comb(m, i) * (-k) ** (m - i) * raw[i] for i in range(m + 1)) for m in range(degree + 1)]
     points = [mpmath.mpf(k), mpmath.mpf(k + 1)]
     if k == 0 and isinstance(kernel, MeiAdrianKernel):  # follow the bend; the algebraic end is left to tanh-sinh
-        turn = _bend(kernel) ** (-mpmath.mpf(2) / 3) if kernel.slip else mpmath.mpf(1)
+        turn = _steepness(kernel) ** (-mpmath.mpf(2) / 3) if kernel.slip else mpmath.mpf(1)
         inner = (turn * mpmath.mpf(10) ** e for e in range(-6, 7, 2))
         points = [mpmath.mpf(0), *(x for x in inner if x < 1), mpmath.mpf(1)]
     value = lru_cache(maxsize=None)(lambda s: _value(s, kernel))  # every moment asks for it at the same places

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
+from basset import _validate
 from basset.reference import _laplace
 
 
@@ -27,9 +28,9 @@ def response(t: ArrayLike, rate: float, coefficient: float, integrals: int = 0, 
     max R (of the value, for the integrals). Laplace transform of s^(-1/2); Abramowitz & Stegun 7.1.
     """
     if integrals not in (0, 1, 2):
-        raise ValueError(f"integrals: {integrals!r} given; 0, 1 or 2 is possible")
+        raise ValueError(f"integrals must be 0, 1 or 2, got {integrals!r}")
     if digits is not None:
-        return _laplace.settled(lambda: _laplace.response_digits(t, rate, coefficient, integrals), digits)
+        return _laplace.converged(lambda: _laplace.response_digits(t, rate, coefficient, integrals), digits)
     return _laplace.response(t, rate, coefficient, integrals)
 
 
@@ -96,15 +97,18 @@ def bouncing(
     """A sphere dropped from rest at `height` (m) on a plane at 0: y' = −g − λy − c·H[y], z' = y, y⁺ = −e y⁻ at each impact, e = `restitution`.
 
     Every jump Δ_j = −(1+e) y⁻ is remembered. Exact through `impacts` impacts; fewer come back (and `end` is the last) once a rebound is
-    slower than 1e-13 of the fastest impact, which double precision cannot tell from rest. With `digits` the times are polished by Newton's
+    slower than 1e-13 of the fastest impact, which double precision cannot distinguish from rest. With `digits` the times are polished by Newton's
     method in mpmath (a few impacts: the cost grows quadratically).
 
-    >>> bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=2).times.round(12)  # a ball in the void: 1, then half as long each way
+    >>> bouncing(0.0, 0.0, gravity=2.0, height=1.0, restitution=0.5, impacts=2).times.round(12)  # a ball in vacuum: 1, then half as long each way
     array([1., 2.])
     """
-    if not (rate >= 0.0 and gravity > 0.0 and height > 0.0 and 0.0 <= restitution <= 1.0 and impacts >= 0):
-        given = f"rate {rate}, gravity {gravity}, height {height}, restitution {restitution}, impacts {impacts}"
-        raise ValueError(f"{given}: want ≥ 0, > 0, > 0, between 0 and 1, ≥ 0")
+    _validate.non_negative("rate", rate, "1/s")
+    _validate.positive("gravity", gravity, "m/s²")
+    _validate.positive("height", height, "m")
+    _validate.integer("impacts", impacts, 0)
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"restitution must be from 0 to 1, got {restitution}")
     times: list[Any] = []
     jumps: list[Any] = []
     nodes, weights = np.polynomial.legendre.leggauss(24)
@@ -189,7 +193,7 @@ def oscillating_stream(
             driven = _laplace.inverse_digits(_laplace.oscillation(rate, coefficient, abs(omega)), time)
             return start * held + drive * mpmath.re(driven)
 
-        return _laplace.settled(compute, digits)
+        return _laplace.converged(compute, digits)
     if not omega:
         return initial_slip * response(t, rate, coefficient) + amplitude * response(t, rate, coefficient, 1)
     driven = _laplace.oscillating(t, float(rate), float(coefficient), abs(float(omega)))
@@ -227,8 +231,10 @@ def solid_body_vortex(
     >>> bool(abs(abs(motion.position) - 1.0) < 1e-12), bool(abs(motion.slip) < 1e-12)
     (True, True)
     """
-    if not (rate >= 0.0 and coefficient >= 0.0 and beta >= 0.0 and rate + coefficient + beta > 0.0):
-        raise ValueError(f"rate {rate}, coefficient {coefficient}, beta {beta}: want ≥ 0 and not all 0 (then the particle flies straight on)")
+    for name, value in (("rate", rate), ("coefficient", coefficient), ("beta", beta)):
+        _validate.non_negative(name, value)
+    if not rate + coefficient + beta > 0.0:
+        raise ValueError("rate, coefficient and beta must not all be 0: no force would act on the particle")
     if not omega:
         number = complex if digits is None else mpmath.mpmathify
         held, moved = (response(t, rate, coefficient, n, digits) for n in (0, 1))
@@ -246,7 +252,7 @@ def solid_body_vortex(
     if digits is not None:
         values = (mpmath.mpmathify(position), mpmath.mpmathify(initial_slip))
         if t:
-            values = tuple(_laplace.settled(partial(_laplace.inverse_digits, transform(which), t), digits) for which in (False, True))
+            values = tuple(_laplace.converged(partial(_laplace.inverse_digits, transform(which), t), digits) for which in (False, True))
         return VortexMotion(*values)
     return VortexMotion(_laplace.inverse(transform(False), t), _laplace.inverse(transform(True), t))
 
@@ -280,10 +286,11 @@ def bagley_torvik(
     >>> abs(float(line.position) - 4.0) < 1e-12, abs(float(line.velocity) - 1.0) < 1e-12
     (True, True)
     """
-    if not (inertia > 0.0 and damping >= 0.0 and stiffness >= 0.0):
-        raise ValueError(f"inertia {inertia}, damping {damping}, stiffness {stiffness}: want > 0, ≥ 0, ≥ 0")
+    _validate.positive("inertia", inertia)
+    _validate.non_negative("damping", damping, "s^(-1/2)")
+    _validate.non_negative("stiffness", stiffness, "s^(-2)")
     if not stiffness and ramp:
-        raise ValueError("ramp: a growing force needs stiffness > 0")
+        raise ValueError(f"stiffness must be > 0 for a force that grows (ramp = {ramp}), got 0")
 
     def exact(value: Any) -> Any:
         return mpmath.mpmathify(value)
@@ -309,7 +316,7 @@ def bagley_torvik(
         return steady + mpmath.re(_laplace.inverse_digits(transform(of_velocity), time))
 
     if digits is not None:
-        return Oscillator(*(_laplace.settled(partial(moved, of_velocity, t), digits) for of_velocity in (False, True)))
+        return Oscillator(*(_laplace.converged(partial(moved, of_velocity, t), digits) for of_velocity in (False, True)))
     times = np.asarray(t, dtype=np.float64)
     if not stiffness:
         drag = damping / inertia / np.sqrt(np.pi)
@@ -321,6 +328,6 @@ def bagley_torvik(
         value = np.array(still + _laplace.inverse(transform(of_velocity), times).real)
         for i in np.argwhere((200.0 * np.abs(value) < np.abs(still)) & (times > 0.0)):  # near the start, rest and equilibrium cancel
             at = tuple(i)
-            value[at] = float(_laplace.settled(partial(moved, of_velocity, float(times[at])), 17))
+            value[at] = float(_laplace.converged(partial(moved, of_velocity, float(times[at])), 17))
         answer.append(value[()])
     return Oscillator(*answer)

@@ -1,7 +1,7 @@
 """The loop of fixed steps: implicit on rates or on slips, or with the history held over the step; compiled once for all equations.
 
-It comes back to its caller at the node where it was to stop, when its record is full, when it cannot go on, and when `look`, which
-is called after every step, says so. `fun` and `look` are called by `basset._compile.call`. Jumps of the memory are its caller's.
+It returns to its caller at the node where it was to stop, when its record is full, when it cannot go on, and when `look`, which
+is called after every step, asks for it. `fun` and `look` are called by `basset._compile.call`. Jumps of the memory are its caller's.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import CALLS, WHAT, WHERE, copy
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton
-from basset.solvers.stepper import ACCEPTED, END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
+from basset.solvers.stepper import ACCEPTED, AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
 from basset.streaming import Plan
 from basset.streaming import State as Samples
 from basset.streaming._loops import peek, take
 
-HELD, RATES, SLIPS = range(3)  # the history of a step's beginning all through it; or implicit, its samples being rates or slips
-UNSOLVED, DIVERGED = 30, 31  # why the loop came back, beside the codes of the march
+HELD, RATES, SLIPS = range(3)  # the history held constant over the step; or implicit, with samples of rates or of slips
+UNSOLVED, DIVERGED = 30, 31  # why the loop returned, beside the codes of `stepper`
 
-# places in State.numbers, beside those of events: nodes so far, rows of the record that are filled, rates of the running stretch (up to
+# places in State.numbers, beside those of events: nodes so far, rows of the record that are filled, rates of the current segment (up to
 # as many as are kept), rates that alternated and grew in a row, rates looked at for that, for how many steps Newton's matrix has served
 # (0: none is known), whether the caller has a jump to take
 NODE, DONE, KNOWN, GROWN, SEEN, MATRIX, LEAPT = range(7)
 
 
 class Equation(NamedTuple):
-    """`fun`, what it is called with, the components in memory and their coefficients, components at rest, when `fun` may be asked."""
+    """`fun` and its work space, the components in memory and their coefficients, components at rest, the times within which `fun` is evaluated."""
 
     fun: Any
     own: Floats
@@ -46,7 +46,7 @@ class Equation(NamedTuple):
 class Grid(NamedTuple):
     """The nodes, start + k dt up to `end` as number `nodes`; the method.
 
-    Weights of Adams and Moulton by degree, newest first; for the nodes of a fresh stretch that are solved together, in units of
+    Weights of Adams and Moulton by degree, newest first; for the nodes of a new segment that are solved together, in units of
     dt and √dt: ∫_0^i L_j and ∫_0^i K(i−s) L_j(s) ds, (node, sample), without rows if each step is taken alone. `limited`: too
     long a step diverges.
     """
@@ -82,7 +82,7 @@ class Stream(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes: states; rates of the running stretch, newest first, (rate, state); for samples of slips their offset from the states
+    """What changes: states; rates of the current segment, newest first, (rate, state); for samples of slips their offset from the states
     and ∫K y at the newest node; the newest five rates of the path and what of them alternated before; state and rate before the newest
     step; numbers.
     """
@@ -126,7 +126,7 @@ class Record(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What steps are taken with; `look` is called where `looking`."""
+    """All that a step reads and writes; `look` is called where `looking`."""
 
     equation: Equation
     grid: Grid
@@ -310,7 +310,7 @@ def one_node(parts, room):
 
 @shared
 def several_nodes(parts, room):
-    """The equations of the first nodes of a stretch, which share one polynomial."""
+    """The equations of the first nodes of a segment, which share one polynomial."""
     e, grid, state, stream = parts.equation, parts.grid, parts.state, parts.stream
     first, y, count, root = state.recent[0], state.y, len(room.known), math.sqrt(grid.dt)
     node, pending = int(stream.counters[1]), int(stream.counters[2])
@@ -326,7 +326,7 @@ def several_nodes(parts, room):
             room.past[i, b] = root * grid.history[i, 0] * newest
             if i < pending:
                 room.past[i, b] += stream.future[b, (node + i) % stream.future.shape[1]]
-        for q in range(len(stream.loss)):  # what came before the stretch decays
+        for q in range(len(stream.loss)):  # what came before the segment decays
             term = stream.terms[b, q]
             for i in range(count):
                 term -= stream.loss[q] * term
@@ -508,7 +508,7 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
             found.count[0] = count
             status = events.fire(m, found, t, parts.y, parts.after, parts.still, 1.5 * parts.dt)
             if status != events.PASSED:
-                out[0] = STOPPED if status == events.TERMINAL else LYING
+                out[0] = STOPPED if status == events.TERMINAL else AT_REST
             elif leaps or 2 * found.logged[0] > len(found.log_times):
                 out[0] = FULL
             if leaps and found.trouble[0] == 0:

@@ -1,4 +1,4 @@
-"""Graded collocation at work: the integration around the march of `stepper`."""
+"""One integration by graded collocation: set-up, tables, breaks and jumps of `fun` around the compiled loop `stepper.march`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel, gauss_legendre
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
-from basset.solvers.base import Piece, SolverError, Stretch, Task, Trace, stretches
-from basset.spectrum import STAYS, clock_of, followed
+from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
+from basset.spectrum import STAYS, log_stretch_of, weight_ratio
 
 if TYPE_CHECKING:
     from basset.solvers.collocation import Collocation
@@ -26,8 +26,8 @@ FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so 
 DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
-FOLLOWING = 4.0  # times the error of a singular step: with a kernel that follows the slip the solution has powers of √t that its polynomial has not
-PATIENCE = 4  # looks for a jump of fun from one place
+FOLLOWING = 4.0  # factor on the error estimate of singular steps: with a kernel that follows the slip the solution has powers of √t outside the polynomial
+PATIENCE = 4  # searches for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
 SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
 CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
@@ -54,11 +54,11 @@ def nodes(record: stepper.Record, first: int, last: int, time: float, y: Floats)
 
 
 class TooFastError(Exception):
-    """What has just begun relaxes within the shortest step: to be done again with shorter ones."""
+    """The solution relaxes within the shortest step: repeat with shorter ones."""
 
 
 @dataclass(frozen=True)
-class Approach(Stretch):
+class Approach(Segment):
     """Up to nine tenths of the way to a jump of fun."""
 
     length: float = 0.0
@@ -87,7 +87,7 @@ class Integration:
         self.kernel: Kernel = task.kernel if isinstance(task.kernel, Kernel) else BassetKernel()
         span = task.end - task.start
         limit = min(method.max_step or span, span)
-        self.stretches = stretches(task)  # the running one first
+        self.segments = segments(task)  # the current one first
         self.approaching = False  # a jump of fun with the state, whose place is found better from nearby
         self.beyond: Floats | None = None  # y' behind it
         self.looks = (math.nan, 0)  # where, how often
@@ -95,17 +95,17 @@ class Integration:
         self.surfaces: list[_sliding.Surface] = []  # along which the state slides
         self.thrown = False  # from one side of a jump to the other and back, and not to be held there
         self.contact: Floats | None = None  # the jump of fun on the surface ahead, if it will slide there
-        stretch = self.stretches[0]
+        segment = self.segments[0]
         self.problem = stepper.Problem(
-            stretch.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
-            stretch.first, stretch.last,
+            segment.end, span, limit, 0.0, method.rtol, float(method.atol or 0.0), task.max_steps, task.memory[active], task.coefficient[active],
+            segment.first, segment.last,
         )  # fmt: skip
         self.remembers = bool(active.any())
         n, m = len(task.y0), int(active.sum())
         numbers = stepper.start_numbers(task.start, min(limit, span / 64.0), self.remembers)
         self.state = stepper.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
         self.depth = max(depth, self._least_depth(task))
-        closest = min(high.end - low.end for low, high in pairwise([Stretch(task.start), *self.stretches]))
+        closest = min(high.end - low.end for low, high in pairwise([Segment(task.start), *self.segments]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
             self.depth += 1
             if self.depth == len(DEPTHS) or (self.depth > 1 and not self._deepens):
@@ -120,7 +120,7 @@ class Integration:
         if self.varying is not None and self.tail is not None:
             v = self.varying
             self.following = following(count, self.tail, (v.c1, v.c2), v.diameter / v.viscosity, 1.0 / v.viscosity, v.slip_range, span)
-            self.problem = self.problem._replace(care=FOLLOWING)
+            self.problem = self.problem._replace(singular_factor=FOLLOWING)
         self.odd = self.tables.odd()
         self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
@@ -128,7 +128,7 @@ class Integration:
         self.cut = stepper.Cut(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
         self.room = stepper.room(count, n)
         self.values, self.record = np.zeros((count, n)), self.record_of(64)
-        self.bound: tuple[Any, ...] | None = None  # what the march is called with, until some of it changes
+        self.bound: tuple[Any, ...] | None = None  # arguments of `march`, None when they have changed
         made = events.bound(task)
         self.calls, self.arguments = made.calls, made.arguments
         self.free = self._motion(made.fun, made.functions, made.jumps)
@@ -136,7 +136,7 @@ class Integration:
         self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
-        """What the march calls, beside what it is about."""
+        """The functions that the compiled loop calls, with the arrays that events need."""
         task, problem, state = self.task, self.problem, self.state
         weights, rates = (np.array(self.tail.weights), np.array(self.tail.rates)) if self.tail is not None else (np.empty(0), np.empty(0))
         return events.Motion(
@@ -155,7 +155,7 @@ class Integration:
         return int(any(event.jump is not None for event in task.events) or fading > 1e5)
 
     def serves(self, task: Task) -> bool:
-        """Whether another task that differs by numbers alone can be marched with what was made for this one."""
+        """Whether another task that differs by numbers alone can use the set-up made for this one."""
         return self._least_depth(task) == self.depth and bool((self._active(task) == self.active).all())
 
     @property
@@ -213,7 +213,7 @@ class Integration:
             self.tables.fill(self.odd, self.state.numbers)
         elif code == stepper.END:
             return self._turn()
-        elif code in (stepper.STOPPED, stepper.LYING):
+        elif code in (stepper.STOPPED, stepper.AT_REST):
             self.trace.status = 1 if code == stepper.STOPPED else 2
             return False
         elif code == stepper.SUSPECT:
@@ -228,7 +228,7 @@ class Integration:
         return True
 
     def bind(self) -> tuple[Any, ...]:
-        """The parts of a step, and the arguments of the march, for the running stretch."""
+        """The parts of a step, and the arguments of the march, for the current segment."""
         problem, found, room = self.problem, self.events, self.room
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
         equation = stepper.Equation(m.fun, m.own, m.held)
@@ -268,7 +268,7 @@ class Integration:
                 if theta > 1.0:
                     found.count[0], theta = 0, share
                 status = stepper.to_event(m, found, parts, record, 0, theta)
-                code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.LYING}[status]
+                code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.AT_REST}[status]
                 if record.leapt[0]:
                     t = float(numbers[stepper.TIME])
                     self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self._one_side, t, state.y)])
@@ -286,7 +286,7 @@ class Integration:
         return _sliding.mean(self.surfaces, self._one_side, t, y) if self.surfaces else self._one_side(t, y)
 
     def _one_side(self, t: float, y: Floats) -> Floats:
-        """The rate without history as `fun` gives it, from within the running stretch."""
+        """The rate without history as `fun` gives it, from within the current segment."""
         return self.task.rate(min(max(t, self.problem.first), self.problem.last), y)
 
     def _pull(self, t: float) -> Floats:
@@ -311,12 +311,12 @@ class Integration:
         return True
 
     def _turn(self) -> bool:
-        """Go on beyond the end of the running stretch; False at the end of the last."""
-        done = self.stretches.pop(0)
-        if not self.stretches:
+        """Go on beyond the end of the current segment; False at the end of the last."""
+        done = self.segments.pop(0)
+        if not self.segments:
             return False
-        numbers, stretch = self.state.numbers, self.stretches[0]
-        self.problem, self.bound = self.problem._replace(end=stretch.end, first=stretch.first, last=stretch.last), None
+        numbers, segment = self.state.numbers, self.segments[0]
+        self.problem, self.bound = self.problem._replace(end=segment.end, first=segment.first, last=segment.last), None
         if self.approaching:
             self.approaching = False
             numbers[stepper.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
@@ -326,7 +326,7 @@ class Integration:
         if contact is not None and self._slide(contact):
             self.beyond = None
             return True
-        self._begin(0.5 * (stretch.end - float(numbers[stepper.TIME])))
+        self._begin(0.5 * (segment.end - float(numbers[stepper.TIME])))
         if self.beyond is not None:  # differences across the jump are no derivatives
             h = float(numbers[stepper.STEP])
             place = self.state.y + 1e-4 * h * self.beyond
@@ -339,7 +339,7 @@ class Integration:
         return True
 
     def _begin(self, most: float) -> None:
-        """Start anew here: fun goes on otherwise, the state does not jump."""
+        """Start anew here: fun changes, the state does not jump."""
         numbers = self.state.numbers
         if self.surfaces:  # else the way to where it stays counts as an error of the step
             t = float(numbers[stepper.TIME])
@@ -373,7 +373,7 @@ class Integration:
         self._chatter(t)
         state.y[:] += found[0] * surface.half
         self._set_surfaces([*self.surfaces, surface])
-        self._begin(0.5 * (self.stretches[0].end - t))
+        self._begin(0.5 * (self.segments[0].end - t))
         return True
 
     def _crosses(self) -> bool:
@@ -403,7 +403,7 @@ class Integration:
             return False
         self._chatter(t)
         y[:] += (found[0] + 1.0) * floor * velocity
-        self._begin(0.5 * (self.stretches[0].end - t))
+        self._begin(0.5 * (self.segments[0].end - t))
         return True
 
     def _fit(self) -> None:
@@ -451,7 +451,7 @@ class Integration:
             raise SolverError(SLIDING.format(t))
 
     def _look(self) -> bool:
-        """Look for a jump of fun in what was tried last; if there is one, end the stretch there: whether it was found."""
+        """Look for a jump of fun in what was tried last; if there is one, end the segment there: whether it was found."""
         state, numbers, problem = self.state, self.state.numbers, self.problem
         t, window = float(numbers[stepper.TIME]), float(min(numbers[stepper.TRIED], problem.end - numbers[stepper.TIME]))
         self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
@@ -500,21 +500,21 @@ class Integration:
             back = apart(onward, before) < apart(onward, after)
         except SolverError:  # fun is not finite there
             return False
-        rest = self.stretches[0]
+        rest = self.segments[0]
         if in_time:
-            self.stretches[:1] = [Stretch(high, rest.first, low), Stretch(rest.end, high, rest.last)]
+            self.segments[:1] = [Segment(high, rest.first, low), Segment(rest.end, high, rest.last)]
         elif high - t > 0.25 * piece.length:
             self.approaching = True
-            self.stretches[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
+            self.segments[:1] = [Approach(t + 0.9 * (high - t), rest.first, rest.last, length=high - t), rest]
         else:
             self._chatter(t)
             self.beyond, self.contact = behind, after - before if back else None
             if back:  # up to where no stage lies beyond the surface: the other side would throw it back
                 moved = (after != before) & (slope != 0.0)
                 high = max(0.5 * (t + high), high - SHORT * float((scale[moved] / np.abs(slope[moved])).min(initial=math.inf) if moved.any() else 0.0))
-            self.stretches[:1] = [Stretch(high, rest.first, rest.last), Stretch(rest.end, rest.first, rest.last)]
-        stretch = self.stretches[0]
-        self.problem, self.bound = problem._replace(end=stretch.end, last=stretch.last), None
+            self.segments[:1] = [Segment(high, rest.first, rest.last), Segment(rest.end, rest.first, rest.last)]
+        segment = self.segments[0]
+        self.problem, self.bound = problem._replace(end=segment.end, last=segment.last), None
         numbers[stepper.STEP] = max(float(numbers[stepper.STEP]), 0.5 * float(numbers[stepper.TRIED]))
         return True
 
@@ -568,7 +568,7 @@ class Integration:
         state, t = self.state, float(self.state.numbers[stepper.TIME])
         found = surface.located(self._one_side, t, state.y)
         self._set_surfaces([other for other in self.surfaces if other is not surface])
-        self._begin(0.5 * (self.stretches[0].end - t))
+        self._begin(0.5 * (self.segments[0].end - t))
         if found is None:
             return
         shifts = 1.5e-8 * np.maximum(np.abs(state.y), 1e-8)
@@ -587,8 +587,8 @@ class Integration:
         if self.tail is not None:
             lag = t - float(self.state.numbers[stepper.TIME])
             weights = self.tail.weights * np.exp(-self.tail.rates * lag)
-            clock = clock_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
-            if clock > -math.inf:
-                weights *= [followed(self.following, q, clock) for q in range(len(weights))]
+            log_stretch = log_stretch_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
+            if log_stretch > -math.inf:
+                weights *= [weight_ratio(self.following, q, log_stretch) for q in range(len(weights))]
             result[self.active] = (self.state.past + self.state.jump[:, None]) @ weights
         return result

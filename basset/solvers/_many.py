@@ -15,17 +15,17 @@ from basset._compile import compiled, is_compiled, placed, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
-from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, settled
+from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, solution_of
 
 if TYPE_CHECKING:
     from basset.solvers.base import Method
 
 RECORDED = 4096  # steps between two visits of the caller
-UNDONE, BEGUN = -1, -2  # codes of systems that nobody has tried, or that have to be solved on their own
+UNDONE, BEGUN = -1, -2  # codes of systems that were not tried yet, or that have to be solved on their own
 
 
 class Columns(NamedTuple):
-    """One row per system: state, slip, coefficients; where the arguments lie; the tables that fun, events and jumps look that up in; what came of it."""
+    """One row per system: state, slip, coefficients; where the arguments lie; the tables from which fun, events and jumps read them; the results."""
 
     y0: Floats  # (system, state)
     slip: Floats  # (system, member)
@@ -77,7 +77,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
                 if taken:
                     done += 1
             columns.codes[j], columns.calls[j] = code, numbers[stepper.CALLS]
-            if code not in (stepper.END, stepper.STOPPED, stepper.LYING):
+            if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
                 done, found.logged[0] = begun, logged
             columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], numbers[stepper.TIME]
             for a in range(len(state.y)):
@@ -89,7 +89,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
 
 
 march_many = compiled(_make_march_many, allocates=False, usually="some 5 s")
-STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.LYING: 2}
+STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.AT_REST: 2}
 
 
 class Block:
@@ -115,7 +115,7 @@ class Block:
     def _alone(self, task: Task) -> Solution:
         task.nfev = 0
         task.release()
-        return settled(task, self.method, self.dense, self.wanted)
+        return solution_of(task, self.method, self.dense, self.wanted)
 
     def _marched(self, one: Integration) -> list[Solution]:
         first, count = self.tasks[0], len(self.tasks)

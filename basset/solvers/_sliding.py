@@ -98,7 +98,7 @@ def mean(surfaces: Sequence[Surface], rate: Rate, t: float, y: Floats) -> Floats
 
 
 def balanced(surfaces: Sequence[Surface], rate: Rate, pull: Floats, t: float, y: Floats) -> Floats:
-    """The state moved within the layers to where it stays, under `pull` beside the rate; as it is where that cannot be told.
+    """The state moved within the layers to where it stays, under `pull` beside the rate; unchanged where that cannot be determined.
 
     How fast it moves through each layer is linear in its places in all of them.
     """

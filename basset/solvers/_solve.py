@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
-from basset.solvers.base import Event, Method, Solution, Task, outside, rounding, settled
+from basset.solvers.base import Event, Method, Solution, Task, outside, rounding, solution_of
 from basset.solvers.collocation import Collocation
 
 
@@ -45,16 +45,16 @@ def solve(
         State at the start. The components in `memory` are slips: velocities relative to the fluid. A column for each of many
         independent systems: each goes on its own steps, to the bits of a solution on its own.
     memory : sequence of int, one per member
-        Which components remember and feel −coefficient·H of themselves.
+        Components on which −coefficient·H of themselves acts.
     coefficient : float or array_like (members,) or (members, n_systems), s^(-1/2)
         0 or greater.
     kernel : Kernel or VaryingSlipKernel
-        What is remembered. With a VaryingSlipKernel all members are one slip, whose size the kernel follows (Collocation only, slip_at="t").
+        The memory kernel K. With a VaryingSlipKernel all members are one slip, whose size the kernel follows (Collocation only, slip_at="t").
     initial_slip : array_like (members,) or (members, n_systems) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
         Further arguments of fun, events and jumps; for a compiled fun numbers, arrays, and lists that become arrays. With many
-        systems an array whose last axis has n_systems entries is shared out: each system gets its own.
+        systems an array whose last axis has n_systems entries is split: each system gets its own entry.
     method : Method or None
         Collocation(rtol=1e-6) by default; FixedStep(dt, rule); RungeKutta4(dt, rule).
     t_eval : array_like (n_times,) or None, seconds
@@ -69,7 +69,7 @@ def solve(
         The integration fails beyond.
     breaks : array_like (n_breaks,), seconds
         Instants where `fun` jumps or has a kink in time, in any order; those outside the time span do not matter. A step ends
-        at each, the next one starts anew with the rate after it. `fun` is never asked at a break itself but a few units in the
+        at each, the next one starts anew with the rate after it. `fun` is never evaluated at a break itself but a few units in the
         last place before it, and after it. A pulse that may be narrower than a step has to be named here. Fixed steps take
         breaks that lie on their nodes.
     workers : int
@@ -142,11 +142,11 @@ def solve(
         from basset.solvers._many import columns_of, solve_many  # loads the compiler
 
         return solve_many(columns_of(task, *given), method, workers, dense_output, wanted)
-    return settled(task, method, dense_output, wanted)
+    return solution_of(task, method, dense_output, wanted)
 
 
 def _columns(y0: ArrayLike, initial_slip: ArrayLike | None, coefficient: ArrayLike) -> list[Any]:
-    """What may have a column per system, checked as a whole; a single column, as _task looks at, stands for all."""
+    """Arguments that may have a column per system, checked as a whole; `_task` checks the first column alone."""
     found: list[Any] = []
     for name, value in (("y0", y0), ("initial_slip", initial_slip), ("coefficient", coefficient)):
         array = None if value is None else _validate.real_array(name, value).astype(np.float64)

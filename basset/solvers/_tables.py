@@ -21,7 +21,7 @@ LOCAL_LOW, LOCAL_STEP, LOCAL_POINTS = math.log(1e-13), 0.25, 180
 
 
 def legendre_values(x: Floats, degree: int) -> Floats:
-    """Legendre polynomials (…, degree+1) at x; at a single place without what NumPy takes to begin."""
+    """Legendre polynomials (…, degree+1) at x; at a single place without NumPy's overhead."""
     if x.size != 1:
         return np.asarray(legendre.legvander(x, degree))
     place = float(x.item())
@@ -184,11 +184,11 @@ class StepTables:
         return stepper.Tables(*(np.zeros((rungs, *shape)) for shape in shapes))
 
     def odd(self) -> stepper.Tables:
-        """Room for one step size that is on no rung: whoever marches needs his own."""
+        """Room for one step size that is on no rung: every integration needs its own."""
         return self._empty(1, moments=False)
 
     def fill(self, odd: stepper.Tables, numbers: Floats) -> None:
-        """Make the tables that the stepper asks for; on a rung whoever does so finds the same."""
+        """Make the tables that the stepper asks for; on a rung every thread makes the same."""
         h, slot, kind = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
         tables = odd if slot < 0 else self.tables
         slot = max(0, slot)
@@ -204,7 +204,7 @@ class StepTables:
         tables.sizes[slot, kind] = h  # last: it says that the rest is there
 
     def fill_all(self) -> None:
-        """Make the tables of all rungs: then any number of threads march without coming back for one."""
+        """Make the tables of all rungs: then any number of threads run without returning for one."""
         numbers, odd = stepper.start_numbers(0.0, 0.0, False), self.odd()
         for slot in range(len(self.tables.sizes)):
             for kind in range(2):
@@ -215,7 +215,7 @@ class StepTables:
 
 @lru_cache(maxsize=16)
 def tables_of(count: int, tail: ExponentialSum | None, kernel: Kernel, floor: float, span: float) -> StepTables:
-    """Tables, made once for all who march with them."""
+    """Tables, made once for all integrations with the same arguments."""
     return StepTables(count, tail, kernel, floor, span)
 
 
@@ -224,8 +224,8 @@ def local_shortfall(stages: int, c1: float) -> Floats:
     """What the local history of a unit step of a finite-Reynolds kernel lacks to Basset's: (places, grid, stage, node)."""
     result = np.zeros((3, LOCAL_POINTS, stages, stages))
     basset = (*local_history(stages, BassetKernel()), history_between(stages, BassetKernel()))
-    for g, clock in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
-        slip = 0.75 * (2.0 * clock**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
+    for g, stretch in enumerate(np.exp(LOCAL_LOW + LOCAL_STEP * np.arange(LOCAL_POINTS))):
+        slip = 0.75 * (2.0 * stretch**1.5 / math.sqrt(math.pi)) ** (1.0 / 3.0)
         kernel = MeiAdrianKernel(slip, 1.0, 1.0, c1, 0.0)
         result[:, g] = np.array(basset) - np.array((*local_history(stages, kernel), history_between(stages, kernel)))
     return result

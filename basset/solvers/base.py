@@ -1,4 +1,4 @@
-"""What all methods share: the problem as they see it, events, and the answer."""
+"""What all methods share: the checked problem, events, and the solution."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 from basset import _validate
 from basset.kernels import Floats, Kernel, VaryingSlipKernel
 
-BESIDE = 4.0  # units in the last place between a break and where `fun` is asked: the user's own arithmetic may be off by some
+BESIDE = 4.0  # units in the last place between a break and where `fun` is evaluated: the user's arithmetic may round
 
 MESSAGES = {
     0: "The solver reached the end of the time span.",
     1: "A terminal event occurred.",
-    2: "At rest: a flight between two jumps was too short to be told from rest, and nothing else moves or can be told to go on.",
+    2: "At rest: a flight between two jumps was too short to be distinguished from rest, and nothing else moves, or the body cannot be held at rest.",
 }
 
 
@@ -114,7 +114,7 @@ class Solution:
 
 
 def returned(what: str, given: Any, states: int) -> Floats:
-    """What a callback gave, checked, in an array that is nobody else's."""
+    """What a callback returned, checked, in an array of its own."""
     result = np.asarray(given) if type(given) is np.ndarray or not np.ma.is_masked(given) else None
     if result is None or result.dtype.kind not in "fiub":
         try:
@@ -215,15 +215,15 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """From one break of the input to the next: `fun` is asked within [first, last] only, so it sees this side of either break."""
+class Segment:
+    """From one break of the input to the next: `fun` is evaluated within [first, last] only, on this side of either break."""
 
     end: float
     first: float = -math.inf
     last: float = math.inf
 
 
-def stretches(task: Task) -> list[Stretch]:
+def segments(task: Task) -> list[Segment]:
     """The time span, cut at its breaks."""
     broken = set(task.breaks.tolist())
     edges = [task.start, *(t for t in task.breaks.tolist() if task.start < t < task.end), task.end]
@@ -232,13 +232,13 @@ def stretches(task: Task) -> list[Stretch]:
         nearest = 0.25 * (high - low)
         first = low + min(nearest, BESIDE * float(np.spacing(abs(low)))) if low in broken else -math.inf
         last = high - min(nearest, BESIDE * float(np.spacing(abs(high)))) if high in broken else math.inf
-        found.append(Stretch(high, first, last))
+        found.append(Segment(high, first, last))
     return found
 
 
 @dataclass
 class Trace:
-    """What a method leaves behind."""
+    """What a method produces: times, states and pieces of the dense output."""
 
     times: list[float]
     states: list[Floats]
@@ -259,7 +259,7 @@ class Method(abc.ABC):
         """Advance from task.start to task.end, appending to `trace`; raise SolverError when it cannot go on."""
 
 
-def settled(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
+def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
     """The solution of one system."""
     trace = Trace([task.start], [task.y0.copy()], [])
     try:

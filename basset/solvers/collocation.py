@@ -39,7 +39,7 @@ class Collocation(Method):
     The kernel's sum of exponentials is fitted to a tenth of rtol, for lags from 1e-12 of the time span on (with jumps, or
     when a slip fades within 1e-5 of it) or from 1e-10 on; where that cannot be had, to the best tabulated accuracy.
     Memory per component does not grow with time or with the number of jumps. Stages are solved by Newton's method: stiff
-    drag is no obstacle. The march is compiled once for all equations; `fun`, event functions and jumps that are compiled
+    drag is no obstacle. The time loop is compiled once for all equations; `fun`, event functions and jumps that are compiled
     (numba.njit) run without Python from start to end, others are called back.
 
     References

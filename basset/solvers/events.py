@@ -1,8 +1,7 @@
 """Events on a step: where their functions change sign, what their jumps do, which bodies come to rest and go again.
 
-Written once, in the part of Python that compiles: it runs inside the compiled march, and as it stands for fixed steps. Event
-functions and jumps are called by `basset._compile.call`. Zeros by bounds on the derivatives of
-Chebyshev series: this library.
+Written once, in the part of Python that numba compiles: it runs inside the compiled loops of `stepper` and `_fixed`, and as plain Python.
+Event functions and jumps are called by `basset._compile.call`. Zeros by bounds on the derivatives of Chebyshev series: this library.
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ import numpy as np
 from basset._compile import Callbacks, Entry, c_function, call, filled, is_compiled, overloads, separate, shared
 from basset.kernels import Floats
 from basset.solvers.base import Task, returned
-from basset.spectrum import Following, clock_of, followed
+from basset.spectrum import Following, log_stretch_of, weight_ratio
 
-CALLS, WHERE, WHAT = 7, 10, 11  # places in the march's numbers
-CLEAR = 64.0  # so many times its rounding an event function must be from zero to be on one side
+CALLS, WHERE, WHAT = 7, 10, 11  # places in State.numbers, as in `stepper`
+CLEAR = 64.0  # roundings: an event function farther from zero than that has a sign
 HALVINGS = 6  # of a step, at most, until an interpolant follows an event function
 FOLLOWED = 1e-10  # to this share of its size
 REST = 1e-10  # a flight shorter than this share of the time span counts as rest
@@ -28,7 +27,7 @@ FUN_FAILED, EVENT_FAILED, JUMP_FAILED = 1, 2, 3  # what was not finite
 
 
 class Events(NamedTuple):
-    """One entry per event: SciPy's attributes, and how things stand.
+    """One entry per event: SciPy's attributes, and the current state.
 
     `terminal`: the occurrence that ends the run, 0 for none. `number`, `last`: occurrences, and when the last one was. `side`: sign of the
     function before the last crossing. `fresh`: has just happened, the function is zero there but for `noise`, what rounding of time and
@@ -131,7 +130,7 @@ def copy(source: Floats, target: Floats) -> None:
 
 @shared
 def all_at(polynomial: Floats, y: Floats, kind: int, theta: float, row: Floats) -> None:
-    """All states at θ into `row`; the same bits as `at` of the march."""
+    """All states at θ into `row`; bit for bit as `stepper.at`."""
     x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
     for a in range(len(y)):
         row[a] = y[a] + polynomial[0, a] + polynomial[1, a] * x
@@ -176,13 +175,13 @@ def subtract_memory(m: Motion, t: float, y: Floats, strength: Floats, rate: Floa
     """Rate − strength·H in place, H at t in the states y if nothing has happened since the step's start; uses row 8."""
     lag, follows = t - m.numbers[0], len(m.following.values) > 0
     copy(y, m.rows[8])
-    clock = clock_of(m.following, m.where, m.rows, 8) if follows else -math.inf
+    log_stretch = log_stretch_of(m.following, m.where, m.rows, 8) if follows else -math.inf
     for a in range(len(m.where)):
         total = 0.0
         for q in range(len(m.rates)):
             weight = m.weights[q] * math.exp(-m.rates[q] * lag)
-            if clock > -math.inf:
-                weight *= followed(m.following, q, clock)
+            if log_stretch > -math.inf:
+                weight *= weight_ratio(m.following, q, log_stretch)
             total += (m.past[a, q] + m.jump[a]) * weight
         rate[m.where[a]] -= strength[a] * total
 
@@ -300,7 +299,7 @@ def turning_points(events: Events, count: int, low: float, high: float, first: i
 
 @shared
 def watch_leaf(m: Motion, events: Events, k: int, step: Step, low: float, high: float, halvings: int, done: int) -> int:
-    """Places and signs of [low, high] behind the `done` ones, as far as an interpolant can tell; −1 if it has to be halved."""
+    """Places and signs of [low, high] after the first `done`, from an interpolant; −1 if the interval has to be halved."""
     degree, power = len(events.points) - 1, 2 if step.kind == 1 else 1
     points, values, coefficients = events.points, events.values, events.coefficients
     for i in range(degree + 1):
@@ -517,7 +516,7 @@ def first_crossing(m: Motion, events: Events, step: Step, most: float) -> float:
 
 @separate
 def trend(m: Motion, events: Events, k: int, t: float, y: Floats) -> float:
-    """How much the event function changes within a moment; 0 where it cannot be told from rounding or is of second order."""
+    """Change of the event function over a short time; 0 where rounding hides it or it is of second order."""
     rate, moved = m.rows[6], m.rows[4]
     free_rate(m, events, t, y, rate)
     for a in range(len(y)):
@@ -554,7 +553,7 @@ def jumped(m: Motion, events: Events, k: int, t: float, y: Floats, after: Floats
 
 @separate
 def hold(m: Motion, events: Events) -> None:
-    """Bring up to date what is at rest."""
+    """Update which components are at rest."""
     for a in range(len(m.held)):
         still = False
         for k in range(len(events.side)):
@@ -566,7 +565,7 @@ def hold(m: Motion, events: Events) -> None:
 
 @separate
 def settle(m: Motion, events: Events, k: int, t: float, before: Floats, after: Floats) -> None:
-    """Note what the jump has done."""
+    """Update the event after its jump."""
     here = value(m, events, k, t, after)
     events.noise[k], events.reach[k] = rounding(m, events, k, t, after), 0.0
     events.fresh[k] = abs(here) <= CLEAR * events.noise[k] + 2.0 * abs(value(m, events, k, t, before))
@@ -724,7 +723,7 @@ def bound(task: Task) -> Bound:
 
 
 def trouble(found: Events) -> str:
-    """What was not finite."""
+    """The message for the first value that was not finite."""
     kind, which, t = found.trouble[0], found.trouble[1], found.trouble_at[0]
     what = {FUN_FAILED: "fun was not finite in component", EVENT_FAILED: "event", JUMP_FAILED: "jump of event"}[int(kind)]
     return f"{what} {which} at t = {t:.6g}" if kind == FUN_FAILED else f"{what} {which} was not finite at t = {t:.6g}"

@@ -14,9 +14,9 @@ from basset._compile import Callbacks, is_compiled, placed
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative, resolve
 from basset.solvers import _fixed, events
-from basset.solvers.base import Method, Piece, SolverError, Stretch, Task, Trace, stretches
-from basset.solvers.stability import bounds, degree_of, longest_step, stable, whole
-from basset.solvers.stepper import END, FULL, LYING, NOT_FINITE, STOPPED, TROUBLE
+from basset.solvers.base import Method, Piece, Segment, SolverError, Task, Trace, segments
+from basset.solvers.stability import bounds, degree_of, longest_step, stable, whole_recipe
+from basset.solvers.stepper import AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE
 from basset.spectrum import STAYS
 from basset.streaming import Plan, State
 from basset.weights.polynomials import lagrange
@@ -24,7 +24,7 @@ from basset.weights.polynomials import lagrange
 
 @lru_cache(maxsize=64)
 def start_tables(degree: int, kernel: Kernel) -> tuple[Floats, Floats]:
-    """For nodes 1 … degree of a fresh stretch, unit step: (∫_0^i L_j, ∫_0^i K(i−s) L_j(s) ds), each (degree, degree+1)."""
+    """For nodes 1 … degree of a new segment, unit step: (∫_0^i L_j, ∫_0^i K(i−s) L_j(s) ds), each (degree, degree+1)."""
     x, w = gauss_legendre(16)
     nodes = np.arange(degree + 1.0)
     plain, history = np.zeros((degree, degree + 1)), np.zeros((degree, degree + 1))
@@ -35,19 +35,19 @@ def start_tables(degree: int, kernel: Kernel) -> tuple[Floats, Floats]:
     return plain, history
 
 
-def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Stretch]]:
-    """(node at its end, stretch) from break to break; ValueError where a break is not a node."""
-    found: list[tuple[int, Stretch]] = []
-    for stretch in stretches(task):
-        place = (stretch.end - task.start) / dt
+def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Segment]]:
+    """(node at its end, segment) from break to break; ValueError where a break is not a node."""
+    found: list[tuple[int, Segment]] = []
+    for segment in segments(task):
+        place = (segment.end - task.start) / dt
         node = round(place)
         if abs(place - node) > 1e-9 * max(1.0, place):
             raise ValueError(
-                f"breaks must lie on the nodes of fixed steps, got {stretch.end!r} between two of {dt:.6g} s: take a dt that divides "
+                f"breaks must lie on the nodes of fixed steps, got {segment.end!r} between two of {dt:.6g} s: take a dt that divides "
                 "its distance from the start, or Collocation"
             )
         if node > (found[-1][0] if found else 0):
-            found.append((min(node, count), stretch))
+            found.append((min(node, count), segment))
     return found
 
 
@@ -70,12 +70,12 @@ class _Grid(Method):
         if count > task.max_steps:
             raise SolverError(f"more than max_steps = {task.max_steps} steps of {self.dt:g} s are needed")
         made = events.bound(task)
-        march = _March(self.rule, self._kind, task, trace, count, made.fun)
+        integration = _Integration(self.rule, self._kind, task, trace, count, made.fun)
         try:
-            march.run(made.functions, made.jumps, made.calls)
+            integration.run(made.functions, made.jumps, made.calls)
         finally:
             if is_compiled(task.function):  # others are counted by the task
-                task.nfev += int(march.state.numbers[events.CALLS])
+                task.nfev += int(integration.state.numbers[events.CALLS])
 
 
 def hermite(start: float, length: float, states: Floats, rates: Floats) -> Piece:
@@ -92,8 +92,8 @@ def hermite(start: float, length: float, states: Floats, rates: Floats) -> Piece
     return Piece(start, length, values)
 
 
-class _March:
-    """A method on a uniform grid at work: what goes on around the loop of `_fixed`, at breaks and where events let the state jump."""
+class _Integration:
+    """One integration on a uniform grid: around the compiled loop of `_fixed`, breaks and jumps of the state by events."""
 
     def __init__(self, rule: Rule, kind: int, task: Task, trace: Trace, count: int, fun: Any) -> None:
         n, members, span = len(task.y0), len(task.memory), task.end - task.start
@@ -108,7 +108,7 @@ class _March:
         self.felt = task.coefficient.copy()  # 0 for bodies at rest
         self.equation = _fixed.Equation(fun, np.zeros(1), task.memory, self.felt, task.held, -math.inf, math.inf)
         self.alone, self.signal = _fixed.room(1, n, members), np.zeros((1, 1))
-        self.placed: dict[tuple[int, float, float], Any] = {}  # by how many nodes are solved together at first, and the stretch
+        self.placed: dict[tuple[int, float, float], Any] = {}  # by how many nodes are solved together at first, and the segment
         self.record = _fixed.Record(np.empty(count), np.empty((count, n)), np.empty((count, n)))
 
     def run(self, functions: list[Any], jumps: list[Any], calls: Callbacks) -> None:
@@ -137,7 +137,7 @@ class _March:
             if calls.raised is not None:
                 raise calls.raised
             node, end = int(numbers[_fixed.NODE]), trace.times[-1]
-            if code not in (END, FULL, STOPPED, LYING):
+            if code not in (END, FULL, STOPPED, AT_REST):
                 raise SolverError(self._reason(code, found, end))
             broken = node == stop and bool(ahead)
             if broken:
@@ -149,16 +149,16 @@ class _March:
                 self._jump(end, delta)
                 trace.times.append(end)
                 trace.states.append(y.copy())
-            if code in (STOPPED, LYING):
+            if code in (STOPPED, AT_REST):
                 trace.status = 1 if code == STOPPED else 2
                 return
             if broken and not leapt:
                 self._jump(end, np.zeros(len(task.memory)))
                 self._check(end)
 
-    def _turn(self, stop: int, stretch: Stretch) -> int:
-        """Go on in the next stretch between two breaks; the node at its end."""
-        self.equation = self.equation._replace(first=stretch.first, last=stretch.last)
+    def _turn(self, stop: int, segment: Segment) -> int:
+        """Go on in the next segment between two breaks; the node at its end."""
+        self.equation = self.equation._replace(first=segment.first, last=segment.last)
         return stop
 
     def _parts(self, stop: int) -> Any:
@@ -197,7 +197,7 @@ class _March:
         return f"the step's equation did not converge behind t = {t:.6g}: try a smaller dt"
 
     def _free(self, t: float, y: Floats) -> Floats:
-        """fun(t, y), from within the stretch between two breaks."""
+        """fun(t, y), from within the segment between two breaks."""
         return self.task.rate(min(max(t, self.equation.first), self.equation.last), y)
 
     def _check(self, t: float) -> None:
@@ -245,7 +245,7 @@ class _March:
         self._anew(rate)
 
     def _anew(self, rate: Floats) -> None:
-        """A fresh stretch, with that rate."""
+        """A new segment, with that rate."""
         numbers = self.state.numbers
         self.rate = self.state.recent[0] = rate
         numbers[_fixed.KNOWN], numbers[_fixed.SEEN], numbers[_fixed.GROWN], numbers[_fixed.MATRIX] = 1.0, 0.0, 0.0, 0.0
@@ -257,7 +257,7 @@ class FixedStep(_Grid):
 
     The rates of all states are interpolated with the degree of the rule (1 for rules of first order or less) and
     integrated exactly: an Adams–Moulton step, the history entering as tail + local·(newest rate). From degree 2 on the
-    first nodes of every stretch are solved together with the full degree. On smooth problems the order is the rule's.
+    first nodes of every segment are solved together with the full degree. On smooth problems the order is the rule's.
 
     With `input="slip"` the equation is integrated once as Daitche (2013) does, y + c∫K y = …, the rule acting on slips;
     fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where
@@ -311,7 +311,7 @@ class FixedStep(_Grid):
         object.__setattr__(self, "dt", _validate.positive("dt", self.dt, "seconds"))
         object.__setattr__(self, "rule", resolve(self.rule))
         _validate.choice("input", self.input, ("rate", "slip"))
-        if self.input == "slip" and not whole(self.rule).degree:
+        if self.input == "slip" and not whole_recipe(self.rule).degree:
             raise ValueError(f"rule must be a product rule (Daitche, Hinsberg, Windowed, Exponential) for input='slip', got {_validate.shown(self.rule)}")
 
     @property
@@ -324,7 +324,7 @@ class RungeKutta4(_Grid):
     """Classical Runge–Kutta with the history held over the step, as the thesis integrates: first order in dt.
 
     The rate at the new node is then made consistent with the history there. Events snap to the first node after the
-    crossing. A jump adds its kernel from the next node on; in the step that follows it the jump itself is not felt. Stable for
+    crossing. A jump adds its kernel from the next node on; in the step that follows it the jump itself has no effect. Stable for
     rate·dt < 2.78, and for c√dt < B/2·(1 + R) with degrees from 2 on, R the Runge–Kutta factor (B: see FixedStep); longer
     steps, noticed at the start or on the way, end in status −1. Breaks must lie on nodes.
 

@@ -1,4 +1,4 @@
-"""How long a fixed step may be: beyond, the samples of a relaxing equation alternate in sign and grow, whatever its solution does.
+"""The longest stable fixed step: with a longer one the samples of a relaxing equation alternate in sign and grow.
 
 For y' = −λy − c·H[y] a step is a recurrence with the characteristic function (1 − ζ)(1 + c√dt W(ζ)) + λ dt A(ζ), W and A the generating
 functions of the rule's weights for a unit step and of the Adams–Moulton weights; the first root that enters the unit disk as dt
@@ -35,14 +35,14 @@ def adams_moulton(degree: int) -> Floats:
     return np.asarray(w @ lagrange(np.arange(degree + 1.0), x)[0])
 
 
-def whole(rule: Rule) -> Recipe:
+def whole_recipe(rule: Rule) -> Recipe:
     """What the rule does with the whole history of a unit step."""
     return rule.whole.recipe(1.0, 2.0 * LAGS, BassetKernel())
 
 
 def degree_of(rule: Rule) -> int:
     """Degree with which the rates of all states are interpolated."""
-    return max(1, whole(rule).degree)
+    return max(1, whole_recipe(rule).degree)
 
 
 @lru_cache(maxsize=256)

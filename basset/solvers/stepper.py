@@ -1,8 +1,9 @@
-"""One step of graded collocation: chosen, solved, judged, taken or cut; and the march from step to step. Compiled once for all equations.
+"""One step of graded collocation: choosing its size, solving it, its error estimate, accepting it or truncating it at an event; and the loop
+over steps (`march`). Compiled once for all equations.
 
-Whatever steps with memory is made of these: `basset.solve`, and the flights of the simulator. What differs comes as C functions
+`basset.solve` and the flights of the simulator are built on it. What differs between them comes as C functions
 (`basset._compile.entry`): `fun`; how the stages are solved, by Newton's full matrix or by a diagonal Jacobian, which handles stiff
-drag at a fraction of the price; and what happens on a step, events or impacts, which cut it. The march comes back to its caller
+drag at a fraction of the price; and events or impacts on a step, which truncate it. `march` returns to its caller
 when a table for a new step size is missing, when its record is full, when it cannot go on, and at the end.
 
 Collocation at Radau points: Hairer and Wanner (1996), Solving Ordinary Differential Equations II, IV.5; in √t after a jump: this library.
@@ -20,10 +21,10 @@ from basset._compile import call, compiled, entry, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
-from basset.spectrum import Following, clock_of, followed
+from basset.spectrum import Following, log_stretch_of, weight_ratio
 from basset.streaming._loops import dot
 
-END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, LYING = range(12)
+END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, AT_REST = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
 # places in State.numbers
@@ -34,7 +35,7 @@ SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobia
 
 
 class Equation(NamedTuple):
-    """y' = fun(t, y) without history, to be called with what is its own; components at rest.
+    """y' = fun(t, y) without history, `own` being passed to `fun` as work space; components at rest.
 
     For a diagonal Jacobian: the first `moved` components damp nothing, on the first `idle` nothing depends, the others are alike by so many;
     those that remember lie side by side.
@@ -51,7 +52,7 @@ class Equation(NamedTuple):
 class Problem(NamedTuple):
     """What does not change up to `end`: times in s, steps in s, tolerances, memory components and their coefficients.
 
-    `fun` is asked at times within [first, last] only: on this side of what breaks it.
+    `fun` is evaluated at times within [first, last] only: between two breaks of the input.
     """
 
     end: float
@@ -65,11 +66,11 @@ class Problem(NamedTuple):
     strength: Floats
     first: float = -math.inf
     last: float = math.inf
-    care: float = 1.0  # times the error of a singular step
+    singular_factor: float = 1.0  # on the error estimate of singular steps
 
 
 class Nodes(NamedTuple):
-    """Matrices of the stages, (stage, node), see `collocation.Stages`."""
+    """Matrices of the stages, (stage, node), see `_tables.Stages`."""
 
     c: Floats
     slope: Floats
@@ -156,7 +157,7 @@ class Room(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """All that a step is found from and taken with."""
+    """All that finding and accepting a step reads and writes."""
 
     equation: Equation
     problem: Problem
@@ -329,7 +330,7 @@ def decay_error(p: Parts) -> float:
         # parity may hide one coefficient: from three stages on compare pairs
         decay = min(1.0, max(last, before) / max(1e-300, older, oldest)) ** 0.5 if count > 2 else min(1.0, last / max(before, 1e-300))
         tail = 4.0 * decay * max(last, decay * before)  # errors add up over steps and flights
-        if smooth:  # nobody looks between the step's start and its first node: y' must go on from before
+        if smooth:  # nothing else checks between the step's start and its first node: y' must be continuous there
             kink = -rate[a]
             for k in range(count):
                 kink += at_start[k] * values[k, a]
@@ -381,7 +382,7 @@ def defect_error(p: Parts) -> float:
         error = total / (problem.atol + problem.rtol * max(abs(y[a]), abs(y[a] + values[count - 1, a])))
         if not error <= worst:
             worst = error
-    result: float = worst * problem.care
+    result: float = worst * problem.singular_factor
     return result
 
 
@@ -405,7 +406,7 @@ def choose(p: Parts) -> int:
         slot = max(0, math.ceil(LADDER * math.log2(problem.span / h) - 1e-9))
         h = problem.span * 2.0 ** (-slot / LADDER)
         if slot < rungs and p.tables.sizes[slot, kind] > 0.0:
-            h = p.tables.sizes[slot, kind]  # to the last bit, whatever powers are made of
+            h = p.tables.sizes[slot, kind]  # bit for bit, however the power is computed
         if h > left:
             h, slot = left, -1
         if 0.0 < left - h < 0.05 * h:  # no sliver at the end
@@ -450,7 +451,7 @@ def keep(p: Parts, record: Record, done: int, share: float) -> None:
     numbers, values, y = p.state.numbers, p.values, p.state.y
     record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], numbers[STEP], numbers[SINGULAR], share
     record.leapt[done] = 0.0
-    start, nodal = record.y, record.values  # copied by hand: array assignment allocates
+    start, nodal = record.y, record.values  # element by element: array assignment allocates
     for a in range(len(y)):
         start[done, a] = y[a]
         for k in range(len(values)):
@@ -520,7 +521,7 @@ def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int)
 
 @shared
 def evaluate_stages(p: Parts, h: float, slot: int, kind: int) -> bool:
-    """The rates of all stages, the memory's excess over Basset's included where the kernel follows the slip; whether all is finite."""
+    """The rates of all stages, including the difference of the memory to Basset's where the kernel follows the slip; whether all is finite."""
     room, nodes = p.room, p.nodes
     count = len(nodes.c)
     finite = evaluate(p, room.times, room.states, room.rates, count)
@@ -539,20 +540,20 @@ def exceed(p: Parts, states: Floats, i: int, place: float, which: int, h: float,
     following, problem, state, values = p.following, p.problem, p.state, p.values
     where, memory, jump, strength = problem.where, state.past, state.jump, problem.strength
     members, count = len(where), len(values)
-    clock = clock_of(following, where, states, i)
-    if clock == -math.inf:
+    log_stretch = log_stretch_of(following, where, states, i)
+    if log_stretch == -math.inf:
         return  # Basset's kernel
     local = following.local
     for q in range(len(following.log_rates)):
-        share = past[q] * (followed(following, q, clock) - 1.0)
+        share = past[q] * (weight_ratio(following, q, log_stretch) - 1.0)
         for a in range(members):
             rates[i, where[a]] -= strength[a] * share * memory[a, q]
     if kind == 1:
         lag = place * h
-        share = ((1.0 + math.exp(1.5 / following.c1 * (clock + math.log(lag)))) ** -following.c1 - 1.0) / math.sqrt(lag)
+        share = ((1.0 + math.exp(1.5 / following.c1 * (log_stretch + math.log(lag)))) ** -following.c1 - 1.0) / math.sqrt(lag)
         for a in range(members):
             rates[i, where[a]] -= strength[a] * share * jump[a]
-    position = (clock + math.log(h) - following.local_low) * following.local_inverse
+    position = (log_stretch + math.log(h) - following.local_low) * following.local_inverse
     if position <= 2.0:
         return  # Basset's within 1e-9
     cell = min(int(position), local.shape[1] - 4)
@@ -888,7 +889,7 @@ def attempt(p: Parts, solve: Any) -> int:
             return code
         if numbers[SINGULAR] == 0.0:
             numbers[REFUSED] += 1.0
-            if numbers[REFUSED] > 1.7:  # the size that the error asked for did not do: is fun smooth?
+            if numbers[REFUSED] > 1.7:  # the size from the error estimate failed twice: is fun smooth?
                 numbers[REFUSED], numbers[TRIED] = 0.0, h
                 return SUSPECT
 
@@ -1073,7 +1074,7 @@ def watched(given: Watch, t: float, y: Any, out: Any, own: Any) -> None:
     if found.trouble[0] != 0:
         out[0], out[1] = TROUBLE, 0.0
     elif status != events.PASSED:
-        out[0] = STOPPED if status == events.TERMINAL else LYING
+        out[0] = STOPPED if status == events.TERMINAL else AT_REST
 
 
 watch_entry = entry(watched, "some 10 s")
@@ -1134,7 +1135,7 @@ def room(stages: int, states: int, diagonal: bool = False) -> Room:
 
 @shared
 def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
-    """Make the numbers those of a state that sets out."""
+    """Set the numbers of a state at the start."""
     for k in range(len(numbers)):
         numbers[k] = 0.0
     numbers[TIME] = numbers[JUMPED] = start
@@ -1143,7 +1144,7 @@ def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
 
 
 def start_numbers(start: float, step: float, singular: bool) -> Floats:
-    """The numbers of a state that sets out."""
+    """The numbers of a state at the start."""
     numbers = np.zeros(NUMBERS)
     set_out(numbers, start, step, singular)
     return numbers

@@ -3,7 +3,7 @@
 Layout, chosen so that a component's whole state lies in a few cache lines and sums run over contiguous memory:
 samples (components, S): a ring of B = L+1 slots written twice, B apart, so that the last B samples are always one
 contiguous stretch (S = 2B); a stream of the whole history never wraps (S = B). terms (components, T): the exponentials'
-states. future (components, R): a ring of what earlier segments of the signal still add, slot node % R; the newest
+states. future (components, R): a ring of contributions of earlier segments, slot node % R; the newest
 node's slot is kept until the next sample comes.
 
 Decay is applied as a loss 1 − exp(−λ dt): a rate that changes little in a step then keeps all its digits over 1e6 steps.
@@ -182,8 +182,8 @@ follow = compiled(_make_follow)
 
 
 def _make_follow_slip(digest: str) -> Callable[..., Any]:
-    def follow_slip(m, samples, impulses, terms, count, rates, clocks, history, room):
-        """Advance every component (rows of `terms`) by all rows of `rates`, `clocks` being ln C^(2/3) there."""
+    def follow_slip(m, samples, impulses, terms, count, rates, log_stretches, history, room):
+        """Advance every component (rows of `terms`) by all rows of `rates`, `log_stretches` being ln C^(2/3) there."""
         digest  # noqa: B018 - part of the cache key
         steps, components = rates.shape
         weights, newest = room
@@ -191,7 +191,7 @@ def _make_follow_slip(digest: str) -> Callable[..., Any]:
         window = (last + 1) // 2
         slowest = m.tail.values.shape[0] - 1
         for step in range(steps):
-            n, clock = count + step, math.nan
+            n, log_stretch = count + step, math.nan
             row = (min(n, last) - 1) * last
             entering = m.entering[1 if n > last else 0]
             for c in range(components):
@@ -203,13 +203,13 @@ def _make_follow_slip(digest: str) -> Callable[..., Any]:
                 history[step, c] = 0.0
                 if n == 0:
                     continue
-                if clocks[step, c] != clock:  # often one slip for all directions of space
-                    clock = clocks[step, c]
+                if log_stretches[step, c] != log_stretch:  # often one slip for all directions of space
+                    log_stretch = log_stretches[step, c]
                     for q in range(terms.shape[1]):
-                        ratio = ratio_at(m.tail.low, m.tail.inverse_step, m.tail.values, min(q, slowest), m.tail.log_rates[q] - clock)
+                        ratio = ratio_at(m.tail.low, m.tail.inverse_step, m.tail.values, min(q, slowest), m.tail.log_rates[q] - log_stretch)
                         weights[q] = m.tail.weights[q] * ratio
                     for j in range(last):
-                        newest[j] = m.local.weights[row + j] * ratio_at(m.local.low, m.local.inverse_step, m.local.values, row + j, -clock)
+                        newest[j] = m.local.weights[row + j] * ratio_at(m.local.low, m.local.inverse_step, m.local.values, row + j, -log_stretch)
                 value = 0.0
                 for j in range(last):
                     value += newest[j] * samples[c, j]
@@ -222,7 +222,7 @@ def _make_follow_slip(digest: str) -> Callable[..., Any]:
                     value += weights[q] * terms[c, q]
                 for j in range(1, window):
                     if impulses[c, j] != 0.0:
-                        value += impulses[c, j] / math.sqrt(j) * (1.0 + math.exp(1.5 / m.c1 * (clock + math.log(j)))) ** -m.c1
+                        value += impulses[c, j] / math.sqrt(j) * (1.0 + math.exp(1.5 / m.c1 * (log_stretch + math.log(j)))) ** -m.c1
                 history[step, c] = m.root * value
 
     return follow_slip

@@ -1,4 +1,4 @@
-"""Jumps of the signal in a stream: what they add at coming nodes, and the end of a smooth segment."""
+"""Jumps of the signal in a stream: their contributions to coming nodes, and the end of a smooth segment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def remember(plan: Plan, state: State, delta: ArrayLike, age: float, g: ArrayLike | None) -> None:
-    """`Plan.jump`."""
+    """Does the work of `Plan.jump`."""
     shape = state.history.shape
     delta = sample_of("delta", delta, shape, number=True)
     age = _validate.non_negative("age", age, "seconds")
@@ -71,7 +71,7 @@ def average_newest(plan: Plan, state: State, g: Floats) -> None:
 
 
 def end_segment(plan: Plan, state: State, lag: float, g: Floats) -> None:
-    """Turn the running segment into future contributions and start a new one with sample `g` at the newest node.
+    """Turn the current segment into future contributions and start a new one with sample `g` at the newest node.
 
     `lag` (in steps, 0 to 1) is the distance of the jump from the newest node.
     """

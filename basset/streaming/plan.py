@@ -46,7 +46,7 @@ class Plan:
     steps : int
         Of the longest time that will be remembered.
     kernel : Kernel
-        What is remembered.
+        The memory kernel K.
 
     Attributes
     ----------

@@ -1,12 +1,12 @@
-"""Finite-Reynolds kernels whose slip varies: no convolution any more, and two ways to evaluate it.
+"""Finite-Reynolds kernels with a slip that varies: the history is no convolution then; two ways to evaluate it.
 
 H(t) = Σ_j Δ_j K(t − t_j; U) + ∫ K(t − τ; U) g(τ) dτ with the Mei–Adrian family's K(s; U). The literature is ambiguous
 whether U is the slip at t or at τ; both are offered.
 
 * A recipe without a sum of exponentials: the direct sum, with the weights of the kernel of each slip. The reference: exact
   weights, a fraction of a millisecond per sample and distinct slip.
-* A recipe with one, such as Exponential's: the newest panels alike, all older ones by exponentials that decay as ever and
-  whose weights follow the slip at t (`basset.spectrum`; `basset.solve` does the same): constant memory, and the promised
+* A recipe with one, such as Exponential's: the newest panels in the same way, all older ones by exponentials with fixed decay
+  rates and weights that follow the slip at t (`basset.spectrum`; `basset.solve` does the same): constant memory, and the promised
   error against the direct sum, down to some 1e-11.
 
 Outside their validity (flow reversal, a sphere that nearly stops) the kernels' s^(-2) tail is too fast (Lawrence & Mei 1995):
@@ -37,14 +37,14 @@ class VaryingState(NamedTuple):
 
     samples: Floats  # (components, lags), rates at the newest nodes, unit of f per second
     impulses: Floats  # (components, lags), jumps of f there, over dt
-    memory: Floats  # (components, …), unit of H: exponentials without their weights, or what earlier samples will still add (slip at τ)
+    memory: Floats  # (components, …), unit of H: exponentials without their weights, or contributions of earlier samples to coming nodes (slip at τ)
     steepness: Floats  # (components,), C at the newest node, in units of dt^(-3/2)
     history: Floats  # shape of one sample: H at the newest node
     counters: Floats  # (2,): nodes so far; slips outside the kernel's range
 
 
 class VaryingPlan:
-    """What the two evaluations share: the methods of `basset.streaming.Plan`, with the slip beside every sample.
+    """Base of the two evaluations: the methods of `basset.streaming.Plan`, with the slip beside every sample.
 
     `slip` (m/s, 0 or greater) is the magnitude of the slip velocity: a number, one per grain (shape of a sample without its last axis),
     or the shape of a sample; in `run` with the steps as first axis. Jumps are at nodes; a jump of the rate (`g`) is averaged there (first order).
@@ -67,7 +67,7 @@ class VaryingPlan:
         return plan, (self.recipe, self.dt, self.steps, self.kernel)  # a copy has its own addresses for compiled code
 
     def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
-        """H at every row of rates (steps, components); bends are the unit-step C'."""
+        """H at every row of rates (steps, components); `bends` are C in units of dt^(-3/2)."""
         raise NotImplementedError
 
     def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
@@ -189,7 +189,7 @@ class DirectPlan(VaryingPlan):
         return float(_unit_kernel(bend, self.kernel.c1)._values(lags) @ impulses[impulses != 0.0]) if len(lags) else 0.0
 
     def _scattered(self, state: VaryingState, n: int, row: Floats, bend: Floats) -> Floats:
-        """Give every future node what this sample will add there (slip at τ: its weights are known once and for all)."""
+        """Add this sample's contribution to every future node (slip at τ: its weights no longer change)."""
         width = self._window + 1
         slots = (n + np.arange(width)) % width
         state.memory[:, (n - 1) % width] = 0.0
@@ -232,7 +232,7 @@ class DirectPlan(VaryingPlan):
 
 
 class Memory(NamedTuple):
-    """What `_stream.follow_slip` reads, for a unit step; samples newest first.
+    """What `_loops.follow_slip` reads, for a unit step; samples newest first.
 
     `entering` (2, terms, degree+1) is what samples 1 … degree+1 add to the exponentials: once all start-up panels leave the window, and at every
     later node. `local` has a row for sample j at start-up node n, (n−1)·(degree+1) + j; the last is for all later nodes.
@@ -253,12 +253,12 @@ class SumPlan(VaryingPlan):
     def __init__(self, recipe: Recipe, tail: ExponentialSum, dt: float, steps: int, kernel: VaryingSlipKernel) -> None:
         super().__init__(recipe, dt, steps, kernel)
         if kernel.slip_at != "t":
-            raise ValueError(f"slip_at must be 't' for a sum of exponentials, got {kernel.slip_at!r}: its weights follow the slip now; take a rule without")
+            raise ValueError(f"slip_at must be 't' for a sum of exponentials, got {kernel.slip_at!r}: take a rule without one, such as basset.Daitche")
         degree, window, fine = recipe.degree, recipe.window, (tail.rtol or 0.0) < 1e-8
         if not degree or window != degree // 2 + 1:
             raise ValueError(f"window must be {degree // 2 + 1} steps beside a sum of exponentials and a slip that varies, got {window}")
         reach, log_step = max(self.steps, 2 * window) * self.dt, math.log(self.dt)
-        low, high = (float(clock) for clock in _clocks(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
+        low, high = (float(log_stretch) for log_stretch in _log_stretches(kernel.steepness(np.array(kernel.slip_range)) * self.dt**1.5))
         self.tail_sum = tail
         table, rates = slip_table(tail, kernel.c1, reach, fine), tail.rates * self.dt
         following = table._replace(weights=table.weights * math.sqrt(self.dt), log_rates=table.log_rates + log_step, values=table.values.copy())
@@ -274,11 +274,11 @@ class SumPlan(VaryingPlan):
         from basset.streaming import _loops
 
         history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
-        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _clocks(bends), history, room)
+        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _log_stretches(bends), history, room)
         return history
 
 
-def _clocks(bends: Floats) -> Floats:
+def _log_stretches(bends: Floats) -> Floats:
     """Ln C^(2/3)."""
     return np.asarray(2.0 / 3.0 * np.log(np.maximum(bends, 1e-300)))
 
@@ -313,7 +313,7 @@ def _unit_kernel(bend: float, c1: float) -> MeiAdrianKernel:
 
 @lru_cache(maxsize=64)
 def _slip_table(stencil: Stencil, bend: float, c1: float) -> WeightTable:
-    """Weights for the unit-step steepness C': whatever slip, diameter and viscosity gave it."""
+    """Weights for C = `bend` in units of dt^(-3/2), which is all that matters of slip, diameter and viscosity."""
     return WeightTable(stencil, _unit_kernel(bend, c1), "rate")
 
 

@@ -1,4 +1,4 @@
-"""What a stream remembers, and the checks that streams share."""
+"""The state of a stream, and the checks that streams share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_STEPS = 1e15  # beyond, a float no longer counts steps
 
 
 class State(NamedTuple):
-    """What a stream remembers: float64 arrays only. Pickle it, copy it, save it with numpy.savez(**state._asdict()).
+    """The state of a stream: float64 arrays only. Pickle it, copy it, save it with numpy.savez(**state._asdict()).
 
     >>> import pickle
     >>> import basset
@@ -29,11 +29,11 @@ class State(NamedTuple):
     True
     """
 
-    samples: Array  # (components, S), unit of f per second: the newest of the running stretch, a ring written twice, so that it reads contiguously
+    samples: Array  # (components, S), unit of f per second: the newest of the current segment, a ring written twice, so that it reads contiguously
     terms: Array  # (components, T), unit of H: the exponentials
-    future: Array  # (components, R), unit of H: what finished stretches and recent jumps add at the coming nodes, a ring
+    future: Array  # (components, R), unit of H: contributions of finished segments and recent jumps to the coming nodes, a ring
     history: Array  # shape of one sample: H at the newest node
-    counters: Array  # (3,): samples in the running stretch, nodes so far, coming nodes with an entry in `future`
+    counters: Array  # (3,): samples in the current segment, nodes so far, coming nodes with an entry in `future`
 
 
 class Tables(NamedTuple):
@@ -56,7 +56,7 @@ class Tables(NamedTuple):
 
 
 def owned(state: Any, kind: type[Any], widths: dict[str, int]) -> None:
-    """Refuse a state that another plan made: compiled code would read and write beyond its arrays.
+    """Raise for a state of another plan: compiled code would read and write beyond its arrays.
 
     `widths` are the expected second dimensions by name.
     """

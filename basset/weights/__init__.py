@@ -1,4 +1,4 @@
-"""The weights of the rules: polynomials, the recipe that a rule answers with, and the table of what was built."""
+"""Weights of the rules: polynomials, recipes, and the cached table of weights."""
 
 from basset.weights.table import Recipe, Stencil
 

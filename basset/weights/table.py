@@ -1,8 +1,8 @@
-"""The floor under every rule: its weights for a unit step, the recipe that it answers with, and the table that keeps what was built.
+"""The base of every rule: stencils (weights for a unit step), the recipe that a rule returns, and the cached table of weights.
 
-All weights but the oldest few are the same whatever n is. A `Stencil` gives those (`interior`), the few that depend on where
+All weights but the oldest few are independent of n. A `Stencil` gives those (`interior`), the few that depend on where
 the history begins (`oldest`), and whole rows for histories too short to have an interior (`short`), all for a unit step;
-scaling, keeping and assembly are done here, once. The split into rules and corrections at the beginning: Lubich (1986),
+scaling, caching and assembly are done here, once. The split into weights and starting corrections: Lubich (1986),
 SIAM J. Math. Anal. 17, 704, for convolution quadratures; this library for the others.
 """
 
@@ -75,7 +75,7 @@ class Stencil(abc.ABC):
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a rule does at one step size: all that evaluation, streams and solvers have to know of it.
+    """What a rule does at one step size: all that evaluation, streams and solvers need.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ class Recipe:
     tail : ExponentialSum or None
         What stands for the kernel beyond the window; None drops it.
     degree : int
-        Of the polynomials through the samples that do the stencil justice where it does not reach: beyond the window, and at
-        a jump. 0: a jump of the rate is averaged (first order), and straight lines go beyond the window.
+        Of the polynomials through the samples that are used where the stencil does not reach: beyond the window, and at a
+        jump. 0: a jump of the rate is averaged (first order), and straight lines go beyond the window.
 
     Examples
     --------
@@ -221,7 +221,7 @@ def filtered_by(row: Floats, columns: Floats) -> Floats:
 
 
 class Sized(Protocol):
-    """Anything that tells how many bytes it holds."""
+    """Anything with its size in bytes."""
 
     @property
     def nbytes(self) -> int:
@@ -265,7 +265,7 @@ class ByteCache(Generic[Entry]):
                 self._entries.popitem(last=False)
 
     def clear(self) -> None:
-        """Forget everything: the next use builds its weights anew."""
+        """Drop all entries: the next use builds its weights anew."""
         with self._lock:
             self._entries.clear()
 

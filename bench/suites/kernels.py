@@ -1,4 +1,4 @@
-"""What is remembered: the Basset kernel against the finite-Reynolds kernels (thesis figs 5-1 and 5-2)?"""
+"""How do the finite-Reynolds kernels differ from the Basset kernel (thesis figs 5-1 and 5-2)?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is remembered if the slip varies?"""
+"""What do finite-Reynolds kernels give if the slip varies?"""
 
 from __future__ import annotations
 

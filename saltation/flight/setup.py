@@ -159,7 +159,7 @@ class Engine:
         strength = np.full(self.members, numbers.history)
         self.horizon = horizon if horizon is not None else math.inf
         self.following = self._following(self.horizon) if follows else STAYS
-        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, care=care)
+        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, singular_factor=care)
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.cut = stepper.Cut(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))

@@ -333,7 +333,7 @@ MISSING = {
 @pytest.mark.parametrize("name", MISSING)
 def test_missing_samples_are_refused_and_what_to_do_is_said(function, name):
     g, which = MISSING[name]
-    refused(ValueError, rf"g must have no missing values, got .*{which}.*: fill the gaps.* or take a stretch", function, g, 0.1, RULE)
+    refused(ValueError, rf"g must have no missing values, got .*{which}.*: fill the gaps.* or take an interval", function, g, 0.1, RULE)
 
 
 @both

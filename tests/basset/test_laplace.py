@@ -309,7 +309,7 @@ def test_bouncing_ends_at_rest():
     assert len(one.times) == 1 and one.velocity(one.end) == pytest.approx(0.0, abs=1e-15)
     none = reference.bouncing(1.0, 0.6, impacts=0)
     assert len(none.times) == 0 and none.height(none.end) == pytest.approx(0.0, abs=1e-15)
-    with pytest.raises(ValueError, match="restitution 1"):
+    with pytest.raises(ValueError, match=r"restitution must be from 0 to 1, got 1\.5"):
         reference.bouncing(1.0, 0.6, restitution=1.5)
 
 

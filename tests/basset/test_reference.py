@@ -185,7 +185,7 @@ class TestProductWeights:
         weights = reference.product_weights(n, range(n + 1), 2, kernel, digits=25)
         with mpmath.workdps(25):
             c1 = mpmath.mpf(kernel.c1)
-            bend = (integrals._bend(kernel) * mpmath.mpf(n) ** mpmath.mpf("1.5")) ** (1 / c1)
+            bend = (integrals._steepness(kernel) * mpmath.mpf(n) ** mpmath.mpf("1.5")) ** (1 / c1)
             exact = 2 * mpmath.sqrt(n) * mpmath.hyp2f1(c1, c1 / 3, 1 + c1 / 3, -bend)
             assert abs(sum(weights) / exact - 1) < mpmath.mpf(10) ** -18
 
