@@ -41,9 +41,9 @@ def every_set(scene: Any) -> dict[str, Any]:
 
 def truth(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
-    cases = every_set(scene.changed(run={"seed": SEED}))
-    table = cases.compare(cases.enough(cases, error, None, None)[0])
-    table["time"] = advice.costs(cases)
+    sets = every_set(scene.changed(run={"seed": SEED}))
+    table = cases.compare(cases.enough(sets, error, None, None)[0])
+    table["time"] = advice.costs(sets)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
 
 
