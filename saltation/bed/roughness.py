@@ -19,7 +19,7 @@ from basset._compile import shared
 from saltation._random import Draws
 from saltation.grain import Triple
 
-__all__ = ["Roughness", "angles", "facing"]
+__all__ = ["Roughness", "angles", "contact_plane"]
 
 STEEPEST = math.radians(30.0)
 TILT = math.radians(4.0)
@@ -149,7 +149,7 @@ ROUGHNESS: dict[str, Any] = {
 
 
 @shared
-def facing(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
+def contact_plane(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
     """The contact plane that a grain meets: unit normal into the water, height of the centre in contact (d), θ_b (radians), 1 where it was clipped.
 
     Thesis (3-5), section 3.2.3.

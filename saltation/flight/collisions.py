@@ -28,7 +28,7 @@ from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
 STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH, KINK = range(9)  # what a grain's next event is
@@ -221,8 +221,8 @@ def nearest(difference: float, period: float) -> float:
 def velocity_of(model: layout.Model, y: Floats) -> Triple:
     """Velocity that belongs to some states."""
     if model.dimensions == 2:
-        return y[2] + both(model.profile, y[1])[0], 0.0, y[3]
-    return y[3] + both(model.profile, y[2])[0], y[4], y[5]
+        return y[2] + velocity_and_shear(model.profile, y[1])[0], 0.0, y[3]
+    return y[3] + velocity_and_shear(model.profile, y[2])[0], y[4], y[5]
 
 
 @shared
@@ -652,7 +652,7 @@ def write_samples(model: layout.Model, crowd: Crowd, samples: Samples, i: int, p
         kept = samples.values[crowd.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
-        kept[d] += both(model.profile, kept[d - 1])[0]
+        kept[d] += velocity_and_shear(model.profile, kept[d - 1])[0]
         crowd.sample[i] += 1
 
 
@@ -704,7 +704,7 @@ def collide(parts: Parts, domain: Domain, crowd: Crowd, i: int, j: int, time: fl
     y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], domain.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
-    stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
+    stream_one, stream_two = velocity_and_shear(model.profile, first[d - 1])[0], velocity_and_shear(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
     spin_one, spin_two = contact.spin_of(model, first, crowd.spin[i]), contact.spin_of(model, second, crowd.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz

@@ -17,7 +17,7 @@ from basset.solvers.stepper import (
 )
 from saltation._random import Draws
 from saltation.bed.rebound import strike
-from saltation.bed.roughness import facing
+from saltation.bed.roughness import contact_plane
 from saltation.flight.layout import (
     NOTHING,
     RESET,
@@ -35,7 +35,7 @@ from saltation.flight.layout import (
     Y,
     Z,
 )
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
 
@@ -56,9 +56,9 @@ def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta:
     w = at(polynomial, y, kind, theta, 2 * d - 1)
     if z >= bed.highest:
         return max(z - bed.highest, w) + 1e-300
-    u = at(polynomial, y, kind, theta, d) + both(model.profile, z)[0]
+    u = at(polynomial, y, kind, theta, d) + velocity_and_shear(model.profile, z)[0]
     v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1)
-    plane = facing(bed.roughness, u, v, w, draws)
+    plane = contact_plane(bed.roughness, u, v, w, draws)
     return max(z - plane[1], w)
 
 

@@ -15,7 +15,7 @@ from basset.solvers import stepper
 from saltation.flight import collisions, equations, layout
 from saltation.flight.collisions import UNTIL, empty_crowd
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.scene import SceneError
 
 SMALLEST_CELL = 2.0  # d
@@ -140,4 +140,4 @@ class Cloud:
         """Speed of a grain along the stream, V."""
         d = self.engine.dimensions
         y = self.crowd.y[grain]
-        return float(y[d] + both(self.engine.profile, y[d - 1])[0])
+        return float(y[d] + velocity_and_shear(self.engine.profile, y[d - 1])[0])

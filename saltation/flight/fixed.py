@@ -17,10 +17,10 @@ from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
 from saltation._random import uniforms
-from saltation.bed.roughness import facing
+from saltation.bed.roughness import contact_plane
 from saltation.flight import equations, layout
 from saltation.flight.setup import Engine, Grain, empty_record
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 
 IMPACT = 32  # why the loop came back, beside its own codes and those of a flight
 ROWS = 4096
@@ -95,9 +95,9 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
     out[0] = stepper.END if ends else ahead(t, dt, parts.end, parts.horizon, parts.longest, account[layout.START])
     if not ends and w <= 0.0 and s[d - 1] < bed.highest:
         draws = uniforms(bed.seed, bed.grain, int(account[layout.IMPACTS]))
-        u = s[d] + both(model.profile, s[d - 1])[0]
+        u = s[d] + velocity_and_shear(model.profile, s[d - 1])[0]
         v = 0.0 if d == 2 else s[d + 1]
-        if s[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
+        if s[d - 1] <= contact_plane(bed.roughness, u, v, w, draws)[1]:
             out[0] = IMPACT
 
 

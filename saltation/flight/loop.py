@@ -24,7 +24,7 @@ from basset.solvers.stepper import (
     keep,
 )
 from saltation._random import uniforms
-from saltation.bed.roughness import facing
+from saltation.bed.roughness import contact_plane
 from saltation.flight.contact import first_contact, forget, rebounded, spin_of, take_off, turn, watch
 from saltation.flight.equations import cross, layer_of, leaving
 from saltation.flight.layout import (
@@ -51,7 +51,7 @@ from saltation.flight.layout import (
     Y,
     Z,
 )
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 
 SHORTEST = 0.01  # so small at least is the factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
@@ -97,7 +97,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     s, numbers = state.y, state.numbers
     x, z = s[0], s[d - 1]
     across = 0.0 if model.dimensions == 2 else s[1]
-    stream = both(model.profile, z)[0]
+    stream = velocity_and_shear(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
     v = 0.0 if model.dimensions == 2 else s[d + 1]
     ox, oy, oz = spin_of(model, s, spin)
@@ -107,7 +107,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     for _ in range(MOST_CONTACTS):
         draws = uniforms(bed.seed, grain, int(flight[IMPACTS]))
         flight[IMPACTS] += 1.0
-        n, _level, angle, steep = facing(bed.roughness, u, v, w, draws)
+        n, _level, angle, steep = contact_plane(bed.roughness, u, v, w, draws)
         closing = -(u * n[0] + v * n[1] + w * n[2])
         if not closing > 0.0:
             continue  # that plane falls away faster than the grain: the next one

@@ -22,7 +22,7 @@ from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import Still, both, tabulated
+from saltation.flow import Still, tabulated, velocity_and_shear
 from saltation.scene import Bed, Scene
 
 SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may be longer than usual or never end, more
@@ -250,7 +250,7 @@ class Engine:
     def state_of(self, start: Start) -> Floats:
         """The states of a grain that sets out so."""
         d, (x, across, z), (u, v, w) = self.dimensions, start.position, start.velocity
-        slip = u - both(self.profile, z)[0]
+        slip = u - velocity_and_shear(self.profile, z)[0]
         states = [x, z, slip, w] if d == 2 else [x, across, z, slip, v, w]
         if self.rotation is not None:
             states += [start.spin[1]] if d == 2 else list(start.spin)

@@ -334,7 +334,7 @@ def profiles(result: Result) -> Figure:
     lag = ""
     if result.scene.channel is not None:
         heights = np.linspace(0.0, z[-1], 200)
-        stream = np.array([result.scene.profile.both(height)[0] for height in heights])
+        stream = np.array([result.scene.profile.velocity_and_shear(height)[0] for height in heights])
         right.plot(stream, heights, color=BLACK, linestyle="--")
         labelled(right, float(np.interp(0.25 * top, heights, stream)), 0.25 * top, "stream", BLACK, 1)
         weights = table["concentration"].to_numpy()[filled]

@@ -22,7 +22,7 @@ from saltation._keys import key_of
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting, Situation
 from saltation.effects.rotation import prescribed_spin
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.scene import Scene, SceneError
 from saltation.simulation import run
 from saltation.study import cases
@@ -138,7 +138,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
 def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:
     """The grain in its typical jump."""
     z = 0.75 + where * jump.height
-    stream, shear = both(scene.profile, z)
+    stream, shear = velocity_and_shear(scene.profile, z)
     return Situation(z, jump.speed - stream, 0.0, jump.rise * (1.0 - 2.0 * when), stream, shear, 0.0, jump.spin, 0.0)
 
 

@@ -201,7 +201,7 @@ def test_profiles_are_those_of_the_result(result):
     assert figure.axes[0].lines[0].get_xdata() == pytest.approx(100.0 * table["concentration"].to_numpy())
     stream = next(line for line in figure.axes[1].lines if line.get_linestyle() == "--")
     height, velocity = stream.get_ydata()[-1], stream.get_xdata()[-1]
-    assert velocity == pytest.approx(result.scene.profile.both(height)[0])
+    assert velocity == pytest.approx(result.scene.profile.velocity_and_shear(height)[0])
 
 
 def test_changes_per_encounter(result):

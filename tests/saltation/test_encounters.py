@@ -320,7 +320,7 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
         half = describe(model, singular, h, share, y, course, path)
         flown = lambda s: [np.array(value) for value in encounters.flown(model, course, s)]  # noqa: E731
         kinds.append(singular)
-        stream = loop.both(model.profile, y[2])[0]
+        stream = loop.velocity_and_shear(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
         assert np.abs(flown(0.0)[0]).max() < 1e-14
         chord = path[U : W + 1]
