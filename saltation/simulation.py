@@ -20,8 +20,8 @@ from basset.solvers import stepper
 from basset.solvers._tables import step_tables
 from saltation._keys import text_of
 from saltation.flight import collisions, layout
+from saltation.flight.cloud import ROUNDED, Cloud
 from saltation.flight.cost import CHUNK, cost_of
-from saltation.flight.crowd import ROUNDED, Cloud
 from saltation.flight.fixed import FixedGrain
 from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.results.files import STOPPED, open_folder, packed, unpacked
@@ -294,7 +294,7 @@ class Part:
 
 def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
     """Fly one stretch; (code, time reached, grain that stopped it)."""
-    slices = max(1, math.ceil((end - begin) * len(cloud.crowd.clock) / (SLICE * part.interval)))
+    slices = max(1, math.ceil((end - begin) * len(cloud.state.clock) / (SLICE * part.interval)))
     code, grain, clock = collisions.UNTIL, 0, begin
     for k in range(1, slices + 1):
         until = end if k == slices else begin + k * (end - begin) / slices
@@ -303,9 +303,9 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
             if code in (layout.REST, layout.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
-                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, stepper.TIME]), fate])
+                fates.append([cloud.grains.start + grain, float(cloud.state.numbers[grain, stepper.TIME]), fate])
         if code != collisions.UNTIL:
-            return code, float(cloud.crowd.clock[grain]) if cloud.domain is not None else clock, grain
+            return code, float(cloud.state.clock[grain]) if cloud.domain is not None else clock, grain
         clock = until
         progress(until)
     return code, clock, grain

@@ -15,8 +15,8 @@ import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation.flight import layout
+from saltation.flight.cloud import Cloud, starts
 from saltation.flight.collisions import UNTIL, Samples
-from saltation.flight.crowd import Cloud, starts
 from saltation.flight.setup import Engine, Grain, Start, empty_record
 from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
@@ -80,7 +80,7 @@ class Timed:
     @property
     def bytes(self) -> float:
         """Memory per grain."""
-        return float(sum(array.nbytes for array in (*self.cloud.crowd, self.cloud.first_in_cell)) / self.number)
+        return float(sum(array.nbytes for array in (*self.cloud.state, self.cloud.first_in_cell)) / self.number)
 
 
 def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
@@ -99,7 +99,7 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
                 for own in timed.values():
                     own.fly(max(STRETCH, 0.25 * own.number))
             for number, own in timed.items():
-                steps = float(own.cloud.crowd.numbers[:, stepper.STEPS].sum() / (own.clock * number))
+                steps = float(own.cloud.state.numbers[:, stepper.STEPS].sum() / (own.clock * number))
                 rows.append({"form": form, "concentration": concentration, "number": number, "seconds": own.best, "bytes": own.bytes, "steps": steps})
     return rows
 
