@@ -124,8 +124,6 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     (COARSE | {"history": {"scheme": "windowed", "window": 0.03}}, ("history.window", "one step", "d/u*")),
     (COARSE | {"history": {"scheme": "hinsberg", "window": 0.09}}, ("history.window", "one step", "d/u*")),
     (COARSE | {"history": {"scheme": "windowed", "window": 0.1, "order": 3, "tail": "fitted"}}, ("history.window", "2 steps")),
-    (FIXED | {"history": {"scheme": "windowed", "rule": "semi_derivative", "window": 3.0, "tail": "fitted"}}, ("history.tail", "daitche", "semi_derivative")),
-    (FIXED | {"history": {"scheme": "windowed", "rule": "brush", "window": 3.0, "tail": "van_hinsberg"}}, ("history.tail", "daitche", "brush")),
     (FIXED | {"history": {"scheme": "windowed", "window": 3.0, "rtol": 1e-6}}, ("history.rtol", "tail")),
     ({"history": {"order": 3}}, ("history.order", "collocation")),
     ({"history": {"rtol": 1e-8}}, ("history.rtol", "collocation")),
