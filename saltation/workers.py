@@ -1,4 +1,4 @@
-"""Processes that share out work: a worker that is killed is replaced, its task is done again, and no worker outlives this process."""
+"""Worker processes: one that is killed is replaced and its task done again, and none outlives this process."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
 
-TURN = threading.Lock()  # grains of a process share tables that are filled as they fly: threads take turns
-REPLACEMENTS = 10  # of killed workers; then something kills them all, such as a lack of memory
+ONE_AT_A_TIME = threading.Lock()  # grains of a process share tables that are filled as they fly: threads take turns
+REPLACEMENTS = 10  # of killed workers; more have a common cause, such as a lack of memory
 
 
 class Processes(Executor):
@@ -35,7 +35,7 @@ class Processes(Executor):
         self._lock = threading.Lock()
         self._over = False
         self._tasks: queue.SimpleQueue[tuple[Future[Any], Any] | None] = queue.SimpleQueue()
-        with ignore_sigint():  # what starts deaf to interrupts stays so, from its first line on
+        with ignore_sigint():  # inherited by the workers from their first line on
             self._workers = [_start() for _ in range(workers)]
         self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(workers)]
         for thread in self._threads:
@@ -158,7 +158,7 @@ def cores() -> int:
 
 
 def _start() -> tuple[Any, Connection]:
-    """A worker and our end of its pipe."""
+    """A worker and this process's end of its pipe."""
     context = multiprocessing.get_context("spawn")
     ours, its = context.Pipe()
     process = context.Process(target=_work, args=(its,), daemon=True)
@@ -176,7 +176,7 @@ def _work(pipe: Connection) -> None:
         with contextlib.suppress(EOFError, OSError):
             while True:
                 tasks.put(pipe.recv())
-        os._exit(1)  # the parent let go, or is dead: in the midst of a task too
+        os._exit(1)  # the parent closed the pipe or is dead: also during a task
 
     threading.Thread(target=listen, daemon=True).start()
     while True:

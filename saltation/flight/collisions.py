@@ -663,7 +663,7 @@ def cut_at(parts: Parts, grains: Grains, samples: Samples, i: int, now: float, t
     g, p = parts.steps.flight, parts.steps.flight.parts
     numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
     write_samples(g.model, grains, samples, i, polynomial, now, p.room.before)
-    contact.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
     call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
 
@@ -677,7 +677,7 @@ def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int
     if grains.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
         write_samples(model, grains, samples, i, p.room.polynomial, now, p.room.before)
-        contact.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        contact.record_top_and_turning(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
             p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
@@ -724,9 +724,9 @@ def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: 
         grain = i if side == 0 else j
         load_grain(grains, grain, g)
         k = 23 + 3 * side
-        contact.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
         if not g.limits.prescribed:
-            contact.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            contact.set_spin(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
         store_grain(grains, grain, g)
 
 

@@ -22,7 +22,7 @@ from saltation.results.files import key_in, packed
 from saltation.results.result import Result
 from saltation.scene import Scene, scene_of
 from saltation.simulation import run
-from saltation.workers import TURN, cores, processes
+from saltation.workers import ONE_AT_A_TIME, cores, processes
 
 __all__ = ["Store"]
 
@@ -116,7 +116,7 @@ def outcome(result: Result) -> dict[str, Any]:
 
 def fly(texts: Mapping[str, str], whole: bool) -> dict[str, tuple[dict[str, Any], bytes]]:
     """Rows, and all that the runs left if `whole`, of some scenes in JSON by their keys: what a worker is given."""
-    with TURN:
+    with ONE_AT_A_TIME:
         return {key: _flown(key, run(scene_of(json.loads(text))), whole) for key, text in texts.items()}
 
 
