@@ -161,7 +161,7 @@ def test_three_grains_in_a_chain_come_into_one_image(result):
 
 def test_pair_points_at_every_contact(result):
     figure = CLOUD_PLOTS["pair"](result)
-    found = highlights.clean_pair(result, "pair")
+    found = highlights.undisturbed_pair(result, "pair")
     low, high = found.row["time"] - 1.3 * PERIOD, found.row["time"] + 1.3 * PERIOD
     contacts = sum(((path.time > low) & (path.time < high) & (path.kind != 0)).sum() for path in found.tracks)
     assert all(len(axes.texts) == contacts for axes in figure.axes)
