@@ -1,8 +1,8 @@
-"""The stream: mean velocity and shear by the law of the wall, each profile one small class, all in units of u* and d.
+"""The stream: mean velocity and shear by laws of the wall, one small class per profile, all in units of u* and d.
 
 A profile has `velocity_and_shear(z)`: velocity and its derivative at height z (diameters) above the bed level; at and below the bed 0.
 Flights evaluate its table (`tabulated`).
-The choice moves the mean speed of a grain by some 20 %: it is the first thing to name in a result.
+The choice of profile changes the mean speed of a grain by some 20 %.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ SMOOTH = 1e-13  # the last Chebyshev coefficient of that cell over the largest
 
 
 class Tabulated(NamedTuple):
-    """Any profile as polynomials on eighths of octaves of z, good to 1e-12: what flights evaluate, at a third of the price.
+    """Any profile as polynomials on eighths of octaves of z, good to 1e-12: what flights evaluate, in a third of the time.
 
     One type for all profiles, so that another profile compiles nothing anew.
     """
@@ -144,7 +144,7 @@ class Tabulated(NamedTuple):
         if z <= self.floor:
             return 0.0, 0.0
         beyond = 0.0
-        if not z < HIGHEST:  # above the table every profile is a logarithm; what is not a number must not choose an address
+        if not z < HIGHEST:  # above the table every profile is a logarithm; NaN must not become an address
             beyond, z = math.log(z / HIGHEST), BELOW
         mantissa, exponent = math.frexp(z)
         if exponent <= OCTAVES[0]:

@@ -42,8 +42,8 @@ def every_set(scene: Any) -> dict[str, Any]:
 def truth(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
     sets = every_set(scene.changed(run={"seed": SEED}))
-    table = cases.compare(cases.enough(sets, error, None, None)[0])
-    table["time"] = advice.costs(sets)
+    table = cases.compare(cases.fly_to_error(sets, error, None, None)[0])
+    table["time"] = advice.relative_costs(sets)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
 
 
@@ -86,7 +86,7 @@ def magnus(scene: Any) -> dict[str, Any]:
     """The scene with the coefficient that was measured at high Reynolds numbers, beside the thesis's and none; and what is then chosen."""
     made = scene.changed(magnus={"coefficient": MEASURED})
     each = {"0.75": scene, f"{MEASURED:g}": made, "none": cases.without(scene, ["magnus"])}
-    table = cases.compare(cases.enough(each, 0.01, None, None)[0])
+    table = cases.compare(cases.fly_to_error(each, 0.01, None, None)[0])
     return {
         "coefficient": MEASURED,
         "rows": {str(name): plain(row) for name, row in table.iterrows()},

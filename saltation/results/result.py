@@ -20,7 +20,7 @@ from basset.kernels import Floats
 from saltation import regressions, statistics
 from saltation._files import store
 from saltation.effects import EFFECTS
-from saltation.results.tables import FATES, fate_table, no_encounters, shares, tables_to_dataset, that_count, told_of
+from saltation.results.tables import FATES, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
 from saltation.scene import Scene
 
 __all__ = ["Result"]
@@ -93,7 +93,7 @@ class Result:
 
         Units are in `saltation.results.tables.UNITS`.
         """
-        return that_count(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
+        return counted_jumps(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number.
@@ -332,7 +332,7 @@ class Result:
         scene, numbers = self.scene, self.scene.numbers
         whole = tables_to_dataset(scene, self.all_jumps, self.encounters)
         for name, unit in (("grain", "1"), ("time", "d/u*"), ("fate", "1")):
-            whole[f"fate_{name}"] = ("fate", self.fates[name].to_numpy(), told_of(scene, unit, FATES[name]))
+            whole[f"fate_{name}"] = ("fate", self.fates[name].to_numpy(), attributes_of(scene, unit, FATES[name]))
         whole["fate_fate"].attrs.pop("units")  # a word
         if self.path is not None:
             whole = whole.merge(self.trajectory, combine_attrs="override")

@@ -59,7 +59,7 @@ class TestMemory:
 
     def test_a_longer_run_keeps_what_is_given(self):
         made = saltation.load("sand").changed(history={"horizon": 1e5})
-        assert cases.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
+        assert cases.with_jumps(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
 
 
 class TestWithoutABed:
