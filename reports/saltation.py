@@ -1,4 +1,4 @@
-"""The page reports/saltation.md: what each effect, each correction and each reading does to a jump."""
+"""The page reports/saltation.md: what each effect, each correction and each modelling choice does to a jump."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def memory_table(data: Record) -> str:
             beside = "" if apart is None else f" ({row['prototype']:.2f}, {signed(apart, 1)})"
             cells.append(f"{number(row, 'height')}{beside}{ended(row)}")
         rows.append([name, *cells])
-    return table(["what the memory does at a rebound", *(case_title(about) for about in cases)], rows)
+    return table(["treatment of the history force at an impact", *(case_title(about) for about in cases)], rows)
 
 
 def growth_table(data: Record) -> str:
@@ -189,7 +189,7 @@ def reading_table(data: Record, kind: str) -> str:
         shown = f"**{name}** (shipped)" if name == data["grid"]["shipped"] else name
         rows.append([shown, *reading_cells(data, name), f"{inside(data, name)} of {points(data)}{note}"])
     head = [f"R_p {reynolds}: {symbol}" for reynolds in SIZES for symbol in QUANTITIES.values()]
-    return table(["profile, reading" if kind == "reading" else "memory (swamee, clip)", *head, "inside in all"], rows)
+    return table(["profile, contact angles" if kind == "reading" else "history force (swamee, clip)", *head, "inside in all"], rows)
 
 
 def spread_of(data: Record, reynolds: int, stage: float, quantity: str) -> tuple[float, float]:

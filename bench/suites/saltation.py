@@ -1,4 +1,4 @@
-"""What does each effect, each correction and each reading do to a jump?"""
+"""What does each effect, each correction and each modelling choice do to a jump?"""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Found = dict[Any, dict[str, Any]]
 
 
 def memories() -> dict[str, Content]:
-    """What the memory can do at a rebound, as changes of a scene."""
+    """Treatments of the history force at an impact, as changes of a scene."""
     rebounds = {"remembered": "impulse", "restarted": "restart", "wiped": "reset", "jump ignored, 1 jump": "none"}
     found: dict[str, Content] = {"no history": {"without": ("history",)}}
     for label, kernel in (("", "basset"), ("Mei–Adrian: ", "mei_adrian"), ("Dorgan–Loth: ", "dorgan_loth")):
@@ -65,7 +65,7 @@ PROTOTYPE_ERROR = {73: 0.04, 250: 0.14}  # at most; and about 2 % of a mean
 
 
 def memory_tasks(jumps: int) -> Tasks:
-    """Every memory in every case, and the growth of what nothing forgets."""
+    """Every treatment in every case, and the growth where nothing is forgotten."""
     tasks: Tasks = {}
     for case, (reynolds, stage, reading, profile) in enumerate(CASES):
         content = changed(base(SCENES[reynolds], jumps), channel={"transport_stage": stage, "profile": profile}, bed={"reading": reading})
@@ -102,7 +102,7 @@ def kept(row: dict[str, Any], more: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def variants() -> dict[tuple[str, str], Content]:
-    """(kind, name) of every documented reading, and of the memories that make the model's spread."""
+    """(kind, name) of every profile and range of contact angles, and of the treatments of the history force that make the model's spread."""
     found: dict[tuple[str, str], Content] = {}
     for profile in PROFILES:
         for reading in READINGS:

@@ -101,7 +101,7 @@ def combinations(scene: Scene, executor: Executor | None = None, *, progress: Pr
 
 
 def shares(table: pd.DataFrame) -> pd.DataFrame:
-    """How much of the spread of H, L and ū over `combinations` each choice makes by itself; what is missing to 1 is interplay.
+    """How much of the spread of H, L and ū over `combinations` each choice makes by itself; what is missing to 1 is interaction.
 
     The variance of the means over its values of the logarithm, over the variance of all that finish: a first Sobol index,
     Sobol (1993), Math. Model. Comput. Exp. 1, 407.
