@@ -63,7 +63,7 @@ def run_all(tasks: Mapping[Any, Task], workers: int | None = None) -> dict[Any, 
     forms: dict[Any, list[Any]] = {}
     for key, task in tasks.items():
         forms.setdefault(form_of(scene_of(task.scene)), []).append(key)
-    # the first of every compiled form first: workers compile different things, and find each other's on disk
+    # the first of every compiled form first: workers compile different things, and share them on disk
     order = sorted(((place, key) for keys in forms.values() for place, key in enumerate(keys)), key=lambda pair: pair[0])
     keys = [key for _, key in order]
     with processes(workers) as pool:

@@ -22,8 +22,8 @@ REPLACEMENTS = 10  # of killed workers; more have a common cause, such as a lack
 class Processes(Executor):
     """An executor like `ProcessPoolExecutor` that survives the death of its workers.
 
-    Each worker is at the end of a pipe of its own, so one that is killed, even in the midst of an answer, takes nothing with it but its task.
-    After so many deaths (`replacements`) the tasks that meet another one end with `BrokenExecutor`.
+    Each worker is at the end of a pipe of its own, so when one is killed, even while it answers, only its task is lost.
+    After `replacements` killed workers a task whose worker is killed ends with `BrokenExecutor`.
 
     >>> with processes(1) as pool:
     ...     pool.submit(pow, 2, 10).result()

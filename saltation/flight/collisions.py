@@ -684,7 +684,7 @@ def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int
         return ACCEPTED
     cut_at(parts, grains, samples, i, now, grains.share[i])
     if grains.own[i] == KINK:
-        equations.cross(model, p)
+        equations.cross_kink(model, p)
         return ACCEPTED
     count = logs.count
     row = index(count[0])

@@ -128,7 +128,7 @@ def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, fall
 
 
 @shared
-def cross(model: Model, p: stepper.Parts) -> None:
+def cross_kink(model: Model, p: stepper.Parts) -> None:
     """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
     numbers, own, z = p.state.numbers, p.equation.own, p.state.y[model.dimensions - 1]
     k = int(own[3])

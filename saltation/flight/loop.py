@@ -26,7 +26,7 @@ from basset.solvers.stepper import (
 from saltation._random import uniforms
 from saltation.bed.roughness import contact_plane
 from saltation.flight.contact import apply_rebound, drop_oldest_impact, first_contact, record_top_and_turning, set_spin, spin_of, take_off
-from saltation.flight.equations import cross, layer_of, leaving
+from saltation.flight.equations import cross_kink, layer_of, leaving
 from saltation.flight.layout import (
     ALOFT,
     CROWDED,
@@ -220,7 +220,7 @@ def flown(given: Steps, t: float, y: Any, out: Any, own: Any) -> None:
     call(given.cut, theta, signal, 0, signal, 0, signal)
     out[0], out[1] = FULL, 1.0
     if kink < contact:
-        cross(model, p)
+        cross_kink(model, p)
         return
     call(given.land, float(g.bed.grain), signal, 0, given.jumps, int(g.account[DONE]), signal)
     code = int(signal[0, 0])

@@ -46,7 +46,7 @@ class Result:
         How far the run has come.
     encounters : DataFrame
         One row per encounter in the order of time: `first` and `second` grain, place of the first, unit normal from the first
-        to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
+        to the second, distance of the centres, restitution that was applied (greater than e where grains would have separated
         more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first; units by
         `saltation.results.tables.encounter_unit`.
     fates : DataFrame
