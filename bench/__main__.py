@@ -20,8 +20,6 @@ from bench import suites
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "reports" / "data"
-
-
 FOUND = [found.name for found in pkgutil.iter_modules(suites.__path__)]  # imported when they run: some load all of the simulator
 
 

@@ -13,10 +13,11 @@ from scipy.interpolate import PchipInterpolator
 import saltation
 from basset.kernels import Floats
 from saltation import statistics
+from saltation.flight.cost import form_of
 from saltation.plots import run as plots
 from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
-from saltation.study import campaigns
+from saltation.workers import processes
 
 QUANTITIES = ("height", "length", "velocity")
 MORE = ("duration", "spin", "takeoff_angle", "takeoff_x", "takeoff_z", "stokes")
@@ -61,11 +62,11 @@ def run_all(tasks: Mapping[Any, Task], workers: int | None = None) -> dict[Any, 
         return {key: measured(task.scene, task.keep) for key, task in tasks.items()}
     forms: dict[Any, list[Any]] = {}
     for key, task in tasks.items():
-        forms.setdefault(campaigns.form_of(scene_of(task.scene)), []).append(key)
-    # the first of every compiled form first: workers compile different things, and find each other's on disk
+        forms.setdefault(form_of(scene_of(task.scene)), []).append(key)
+    # the first of every compiled form first: workers compile different things, and share them on disk
     order = sorted(((place, key) for keys in forms.values() for place, key in enumerate(keys)), key=lambda pair: pair[0])
     keys = [key for _, key in order]
-    with campaigns.processes(workers) as pool:
+    with processes(workers) as pool:
         rows = pool.map(measured, [tasks[key].scene for key in keys], [tasks[key].keep for key in keys])
         found = dict(zip(keys, rows, strict=True))
     return {key: found[key] for key in tasks}

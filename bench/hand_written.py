@@ -1,6 +1,6 @@
 """A grain under weight and drag in the plane, written by hand: what the general flight of `saltation` is measured against.
 
-The arithmetic is that of `saltation.flight.loop` for this one case, number by number: the same nodes, ladder of steps, first
+The arithmetic is that of `basset.solvers.stepper` and `saltation.flight` for this one case, number by number: the same nodes, ladder of steps, first
 guess, Newton iteration, error estimate, contact search and rebound. Everything else is what a general loop cannot do: four
 states by name instead of an array, one drag law, one roughness, one rebound, no memory, no spin, nothing recorded.
 """

@@ -70,8 +70,8 @@ def tolerance_of(data: Record, which: str) -> float:
     return float(next(iter(data[which].values()))[0]["tolerance"])
 
 
-def true_row(data: Record, name: str, which: str = "chosen") -> Record:
-    """What the truth says of the set that is chosen."""
+def reference_row(data: Record, name: str, which: str = "chosen") -> Record:
+    """The reference run with the set that is chosen."""
     rows = data["sets"][name]
     return next(row for row in rows if set(missing(rows, row)) == set(dropped(data, name, which)))
 
@@ -93,12 +93,12 @@ def advised(data: Record) -> str:
 
 
 def choices(data: Record) -> str:
-    """What is chosen, beside the truth."""
+    """What is chosen, beside the reference."""
     lines = []
     for which in CHOICES:
         tolerance = tolerance_of(data, which)
         for name, rows in data["sets"].items():
-            fine, truth, runs = within(rows, tolerance), true_row(data, name, which), data[which][name]
+            fine, truth, runs = within(rows, tolerance), reference_row(data, name, which), data[which][name]
             few = sorted(fine, key=lambda row: len(row["effects"]))[:3]
             more = f" and {len(fine) - len(few)} more" if len(fine) > len(few) else ""
             lines.append(
@@ -116,9 +116,9 @@ def choices(data: Record) -> str:
     head = [
         "tolerance",
         "scene",
-        "truly within it without …",
+        "within it, by the reference, without …",
         "auto leaves out",
-        "true largest change",
+        "largest change in the reference",
         "no set with fewer effects",
         "the same with other seeds",
         "time per jump",
@@ -166,7 +166,7 @@ def shares(data: Record) -> str:
 def fewest(data: Record, name: str, which: str = "chosen") -> bool:
     """Whether no set within the tolerance has fewer effects than the one chosen."""
     rows = data["sets"][name]
-    return len(true_row(data, name, which)["effects"]) == min(len(row["effects"]) for row in [rows[0], *within(rows, tolerance_of(data, which))])
+    return len(reference_row(data, name, which)["effects"]) == min(len(row["effects"]) for row in [rows[0], *within(rows, tolerance_of(data, which))])
 
 
 def spoken(left_out: Sequence[str]) -> str:
@@ -233,7 +233,7 @@ def choosing(data: dict[str, Record]) -> str:
 
 
 def draw_sets(data: Record, titles: Mapping[str, str]) -> Any:
-    """The largest true change of H, L or ū with every set of effects, against the number of effects; what is chosen is marked."""
+    """The largest change of H, L or ū in the reference with every set of effects, against the number of effects; what is chosen is marked."""
     figure, panels = plt.subplots(1, len(data["sets"]), figsize=(11.0, 4.2), sharey=True)
     for axes, (name, rows) in zip(panels, data["sets"].items(), strict=True):
         full = len(rows[0]["effects"])

@@ -1,4 +1,4 @@
-"""The page reports/saltation.md: what each effect, each correction and each reading does to a jump."""
+"""The page reports/saltation.md: what each effect, each correction and each modelling choice does to a jump."""
 
 from __future__ import annotations
 
@@ -98,14 +98,14 @@ def points(data: Record) -> int:
     return len(QUANTITIES) * len(data["grid"]["published"])
 
 
-def lever(data: Record, scene: str, name: str) -> Record:
+def modification(data: Record, scene: str, name: str) -> Record:
     """One of the paired runs."""
     return next(r for r in data["effects"] if r["scene"] == scene and r["name"] == name)
 
 
 def ratio(data: Record, scene: str, name: str, quantity: str = "height") -> float:
-    """A lever's mean over the base's."""
-    return float(lever(data, scene, name)[quantity]["mean"] / lever(data, scene, "base")[quantity]["mean"])
+    """A modification's mean over the base's."""
+    return float(modification(data, scene, name)[quantity]["mean"] / modification(data, scene, "base")[quantity]["mean"])
 
 
 # Memories
@@ -150,7 +150,7 @@ def memory_table(data: Record) -> str:
             beside = "" if apart is None else f" ({row['prototype']:.2f}, {signed(apart, 1)})"
             cells.append(f"{number(row, 'height')}{beside}{ended(row)}")
         rows.append([name, *cells])
-    return table(["what the memory does at a rebound", *(case_title(about) for about in cases)], rows)
+    return table(["treatment of the history force at an impact", *(case_title(about) for about in cases)], rows)
 
 
 def growth_table(data: Record) -> str:
@@ -189,7 +189,7 @@ def reading_table(data: Record, kind: str) -> str:
         shown = f"**{name}** (shipped)" if name == data["grid"]["shipped"] else name
         rows.append([shown, *reading_cells(data, name), f"{inside(data, name)} of {points(data)}{note}"])
     head = [f"R_p {reynolds}: {symbol}" for reynolds in SIZES for symbol in QUANTITIES.values()]
-    return table(["profile, reading" if kind == "reading" else "memory (swamee, clip)", *head, "inside in all"], rows)
+    return table(["profile, contact angles" if kind == "reading" else "history force (swamee, clip)", *head, "inside in all"], rows)
 
 
 def spread_of(data: Record, reynolds: int, stage: float, quantity: str) -> tuple[float, float]:
@@ -237,20 +237,20 @@ def rises(data: Record, name: str, reynolds: int, quantity: str) -> bool:
 
 
 def changed(data: Record, row: Record, quantity: str) -> str:
-    """The change of one quantity by a lever."""
+    """The change of one quantity by a modification."""
     change = row["change"][quantity]
     digits = places(change["se"])
     return f"{QUANTITIES[quantity]} {signed(change['mean'], digits)} ± {change['se']:.{digits}f} ({percent(ratio(data, row['scene'], row['name'], quantity))})"
 
 
 def effect_table(data: Record, group: str) -> str:
-    """Changes of H, L and ū of one group of levers."""
+    """Changes of H, L and ū of one group of modifications."""
     names = dict.fromkeys(r["name"] for r in data["effects"] if r["group"] == group)
     rows = []
     for name in names:
         cells = []
         for scene in SCENES:
-            row = lever(data, scene, name)
+            row = modification(data, scene, name)
             if row["status"] != "finished":
                 cells.append(f"{row['status']} after {row['jumps']} jumps")
                 continue
@@ -260,7 +260,7 @@ def effect_table(data: Record, group: str) -> str:
                 else "unchanged"
             )
         rows.append([name, *cells])
-    bases = [", ".join(f"{symbol} {number(lever(data, scene, 'base'), quantity)}" for quantity, symbol in QUANTITIES.items()) for scene in SCENES]
+    bases = [", ".join(f"{symbol} {number(modification(data, scene, 'base'), quantity)}" for quantity, symbol in QUANTITIES.items()) for scene in SCENES]
     return table(["", *(f"{title}<br>({base})" for title, base in zip(SCENES.values(), bases, strict=True))], rows)
 
 
@@ -621,8 +621,8 @@ def saltation(data: dict[str, Record]) -> str:
         bare_fast=over_speed(found, bare, 250),
         fast=over_speed(found, shipped, 250),
         spread_coarse=span(spreads(found, 250), "{:.1f}"),
-        gravel_height=f"{lever(found, 'gravel', 'base')['height']['mean']:.0f}",
-        gravel_bare=f"{lever(found, 'gravel', 'Magnus')['height']['mean']:.1f}",
+        gravel_height=f"{modification(found, 'gravel', 'base')['height']['mean']:.0f}",
+        gravel_bare=f"{modification(found, 'gravel', 'Magnus')['height']['mean']:.1f}",
         gravel_regression=f"{gravel['regressions']['sklar_dietrich_2004'][0]:.1f}",
         footer=footer({name: data[name] for name in SUITES}),
     )
@@ -727,14 +727,14 @@ def draw_envelope(found: Record) -> Any:
 
 
 def draw_effects(records: Sequence[Record], scenes: Mapping[str, str]) -> Any:
-    """Every lever as a ratio to the base, H, L and ū."""
-    levers = list(dict.fromkeys((r["group"], r["name"]) for r in records if r["group"] != "base"))
+    """Every modification as a ratio to the base, H, L and ū."""
+    modifications = list(dict.fromkeys((r["group"], r["name"]) for r in records if r["group"] != "base"))
     titles = {"off": "switched off", "printed": "as printed", "choice": "chosen otherwise"}
     looks = dict(zip(scenes, ((BLUE, "o"), (ORANGE, "s"), (GREY, "^")), strict=True))
     figure, panels = plt.subplots(1, 3, figsize=(13.0, 8.6), sharey=True)
     rows: list[tuple[str, str] | None] = []
     for group in titles:
-        rows += [None, *(pair for pair in levers if pair[0] == group)]
+        rows += [None, *(pair for pair in modifications if pair[0] == group)]
     rows = rows[::-1]
     for axes, (quantity, symbol) in zip(panels, QUANTITIES.items(), strict=True):
         for scene, (colour, marker) in looks.items():

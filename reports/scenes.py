@@ -24,7 +24,7 @@ QUANTITIES = ("height", "length")
 SHIPPED = 1e-5  # rtol of the scene as it is
 COMMON = 1e-3  # dt of comparisons, d/u*
 BOUNDS = (0.1, 0.03, 0.01, 0.003, 0.001)
-MEMORIES = {"impulse": "rebounds remembered", "reset": "memory wiped at rebounds"}
+MEMORIES = {"impulse": "rebounds remembered", "reset": "history wiped at impacts"}
 
 
 # Errors of one record

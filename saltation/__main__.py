@@ -6,7 +6,7 @@ from typing import Any
 
 
 def leave(*_: Any) -> None:
-    """End at once: while modules are loaded there is nothing to tidy up, and nobody to catch what is raised."""
+    """End at once: while modules are loaded there is nothing to clean up, and no handler for an exception."""
     os.write(2, b"stopped: nothing is kept\n")
     os._exit(130)
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, datasets that know whether they are whole, and folders with one writer at a time."""
+"""Files that are written whole or not at all, datasets with a checksum, and folders with one writer at a time."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ class DamageError(ValueError):
 def store(dataset: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a dataset, whole or not at all: netCDF 3 with a checksum over every byte.
 
-    What is empty is left out: netCDF 3 takes a dimension of length 0 for the one that grows, and has but one of these.
+    Empty variables are left out: netCDF 3 takes a dimension of length 0 for its one unlimited dimension.
     """
     with replacing(path) as name:
         ready, encoding = _ready(dataset)
         ready.to_netcdf(name, engine="scipy", encoding=encoding)
         with open(name, "r+b") as file, mmap.mmap(file.fileno(), 0) as content:
-            _seal(content)
+            _write_checksum(content)
 
 
 def content_of(dataset: xr.Dataset) -> bytes:
     """What `store` writes."""
     ready, encoding = _ready(dataset)
     content = bytearray(ready.to_netcdf(engine="scipy", encoding=encoding))
-    _seal(content)
+    _write_checksum(content)
     return bytes(content)
 
 
@@ -59,7 +59,7 @@ def _ready(dataset: xr.Dataset) -> tuple[xr.Dataset, dict[str, Any]]:
     return kept, {str(name): {"_FillValue": None} for name in kept.coords}  # coordinates miss no value
 
 
-def _seal(content: Any) -> None:
+def _write_checksum(content: Any) -> None:
     at = content.find(MARK) + len(MARK)
     content[at : at + len(BLANK)] = hashlib.sha256(content).hexdigest().encode()
 
@@ -91,7 +91,7 @@ def open_dataset(source: Path | bytes) -> xr.Dataset:
     try:
         with xr.open_dataset(io.BytesIO(content), engine="scipy") as opened:
             whole: xr.Dataset = opened.load().drop_encoding()
-    except Exception:  # what foreign bytes are taken for raises anything
+    except Exception:  # foreign bytes can raise anything
         raise DamageError(f"{name} is no saltation result: it is empty, cut short, or no netCDF 3 file") from None
     whole.attrs.pop("checksum", None)
     return whole
@@ -99,9 +99,9 @@ def open_dataset(source: Path | bytes) -> xr.Dataset:
 
 @contextlib.contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Nobody else who asks may write to a folder; the file `lock` in it says who does.
+    """Keep other processes from writing to a folder; the file `lock` in it names the writer.
 
-    The lock of a process that is dead is taken over; that of another machine, of which nobody here knows whether it lives, is not.
+    The lock of a dead process is taken over; that of a process on another machine, which may be alive, is not.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def only_writer(folder: Path) -> Iterator[None]:
                 raise SceneError(f"{what}: {_who(owner)} writes there: wait until it is done, or give another folder")
             if owner is not None and owner.get("host") != platform.node():
                 raise SceneError(f"{what}: {_who(owner)} may still write there: if it does not, remove {os.fspath(file)!r}")
-            if not (file.exists() and os.path.samestat(os.fstat(handle), file.stat())):  # its owner has just gone and taken it away
+            if not (file.exists() and os.path.samestat(os.fstat(handle), file.stat())):  # its owner has removed it meanwhile
                 os.close(handle)
                 continue
             os.ftruncate(handle, 0)
@@ -136,7 +136,7 @@ def only_writer(folder: Path) -> Iterator[None]:
 
 
 def _owner(handle: int) -> dict[str, Any] | None:
-    """Who is named in a lock; None in a new one."""
+    """The process named in a lock; None in a new one."""
     content = os.pread(handle, 4096, 0)
     try:
         found = json.loads(content)
@@ -153,7 +153,7 @@ def _who(owner: dict[str, Any] | None) -> str:
 
 
 def _locked(handle: int, owner: dict[str, Any] | None) -> bool:
-    """Whether the lock could be had: the system frees it when its holder dies, in whatever way."""
+    """Whether the lock was acquired: the system frees it when its holder ends, in whatever way."""
     if fcntl is not None:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -163,10 +163,10 @@ def _locked(handle: int, owner: dict[str, Any] | None) -> bool:
             pass
         else:
             return True
-    return owner is None or owner.get("host") != platform.node() or not _lives(owner.get("process"))
+    return owner is None or owner.get("host") != platform.node() or not _alive(owner.get("process"))
 
 
-def _lives(process: Any) -> bool:
+def _alive(process: Any) -> bool:
     """Whether there is such a process on this machine."""
     if os.name != "posix" or not isinstance(process, int):
         return True

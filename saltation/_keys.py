@@ -1,4 +1,4 @@
-"""Names of what is kept of a scene: another scene, version or state of the compiled code is another name."""
+"""Keys under which results are kept: another scene, version or state of the compiled code gives another key."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def text_of(scene: Scene) -> str:
 
 
 def key_of(scene: Scene) -> str:
-    """The name under which a scene's results are kept."""
+    """The key under which a scene's results are kept."""
     return hash_of(__version__, digest_of("saltation"), text_of(scene))
 
 

@@ -13,8 +13,8 @@ from basset._compile import shared
 
 MASK = np.uint64(0xFFFFFFFF)
 HALF = np.uint64(32)
-FIRST, SECOND = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
-STEP, OTHER = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+MULTIPLIER_0, MULTIPLIER_1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+WEYL_0, WEYL_1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 
 Draws = tuple[float, float, float, float]
 
@@ -25,9 +25,9 @@ def philox(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[An
     a, b, c, d = counter
     k, m = key
     for _ in range(10):
-        one, two = FIRST * a, SECOND * c
+        one, two = MULTIPLIER_0 * a, MULTIPLIER_1 * c
         a, b, c, d = (two >> HALF) ^ b ^ k, two & MASK, (one >> HALF) ^ d ^ m, one & MASK
-        k, m = (k + STEP) & MASK, (m + OTHER) & MASK
+        k, m = (k + WEYL_0) & MASK, (m + WEYL_1) & MASK
     return a, b, c, d
 
 

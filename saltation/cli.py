@@ -171,7 +171,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
             with shown("choosing effects", quiet) as report:
                 made = front.resolved(made, None, None if force else folder, report)
         if force and folder is not None:
-            take_away(folder)
+            remove_earlier_run(folder)
         with shown("flying", quiet) as report:
             result = saltation.run(made, report, folder)
     if output is not None and folder is None:
@@ -180,15 +180,15 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     with printing():
         if not quiet:
             (print_result if made.cloud is None else print_cloud)(result)
-            tell_written(output)
+            print_written(output)
         elif result.status != "finished":
             click.echo(f"{result.status}: {result.message}", err=True)
     if result.status == "failed":
         sys.exit(1)
 
 
-def tell_written(output: Path | None) -> None:
-    """Where what was asked for has gone; only after it is there."""
+def print_written(output: Path | None) -> None:
+    """Say where the output is; called once it is there."""
     if output is not None:
         click.echo(f"written: {named(output)}")
 
@@ -247,7 +247,7 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
         table = advice.ablate(made, error=error, progress=report)
     deliver(output, table, partial(advice_plots.ablation, scene=named(scene)))
     print_changes(console(), table)
-    tell_written(output)
+    print_written(output)
 
 
 @main.command()
@@ -260,7 +260,7 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
 def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bool, output: Path | None, force: bool) -> None:
     """The spread over the choices of SCENE that measurement has not settled, beside the standard error.
 
-    One at a time: profile of the stream, reading of the roughness, restitution, kernel, memory of the rebound.
+    One at a time: profile of the stream, range of contact angles, restitution, kernel, treatment of the history force at impacts.
     """
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
@@ -272,7 +272,7 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
         with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
             everything = choices.combinations(made, progress=report)
         print_combinations(out, everything, made)
-    tell_written(output)
+    print_written(output)
 
 
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:
@@ -378,7 +378,7 @@ def campaign(
         print_grains(out, tables)
     elif tables:
         print_ranking(out, tables["ranking"])
-    tell_written(output)
+    print_written(output)
 
 
 @main.command()
@@ -464,8 +464,8 @@ def check_folder(path: Path) -> None:
         raise Mistake(f"--output: the folder {str(path)!r} cannot be written to")
 
 
-def take_away(path: Path) -> None:
-    """What an earlier run left: only when all is ready for the next."""
+def remove_earlier_run(path: Path) -> None:
+    """Remove the files of an earlier run, once the next is ready to start."""
     if (path / "run.json").exists() or (path / "checkpoint.npz").exists():
         with only_writer(path):
             for file in (*path.glob("part-*.nc"), path / "checkpoint.npz", path / "run.json"):

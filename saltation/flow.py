@@ -1,8 +1,8 @@
-"""The stream: mean velocity and shear by the law of the wall, each profile one small class, all in units of u* and d.
+"""The stream: mean velocity and shear by laws of the wall, one small class per profile, all in units of u* and d.
 
-A profile has `both(z)`: velocity and its derivative at height z (diameters) above the bed level; at and below the bed 0.
+A profile has `velocity_and_shear(z)`: velocity and its derivative at height z (diameters) above the bed level; at and below the bed 0.
 Flights evaluate its table (`tabulated`).
-The choice moves the mean speed of a grain by some 20 %: it is the first thing to name in a result.
+The choice of profile changes the mean speed of a grain by some 20 %.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Still(NamedTuple):
 
     nothing: float  # a tuple that is compiled cannot be empty
 
-    def both(self, z: float) -> tuple[float, float]:
+    def velocity_and_shear(self, z: float) -> tuple[float, float]:
         """(0, 0)."""
         return 0.0, 0.0
 
@@ -44,7 +44,7 @@ class Profile:
     >>> class Couette(Profile):
     ...     def extended(self, z):
     ...         return 2.0 * z, 2.0
-    >>> Couette().extended(3.0), Couette().both(3.0), Couette().both(-1.0)
+    >>> Couette().extended(3.0), Couette().velocity_and_shear(3.0), Couette().velocity_and_shear(-1.0)
     ((6.0, 2.0), (6.0, 2.0), (0.0, 0.0))
     """
 
@@ -54,7 +54,7 @@ class Profile:
         """Velocity and shear above the floor."""
         raise NotImplementedError
 
-    def both(self, z: float) -> tuple[float, float]:
+    def velocity_and_shear(self, z: float) -> tuple[float, float]:
         """Velocity and shear, 0 at and below the floor."""
         return (0.0, 0.0) if z <= self.floor else self.extended(z)
 
@@ -129,7 +129,7 @@ SMOOTH = 1e-13  # the last Chebyshev coefficient of that cell over the largest
 
 
 class Tabulated(NamedTuple):
-    """Any profile as polynomials on eighths of octaves of z, good to 1e-12: what flights evaluate, at a third of the price.
+    """Any profile as polynomials on eighths of octaves of z, good to 1e-12: what flights evaluate, in a third of the time.
 
     One type for all profiles, so that another profile compiles nothing anew.
     """
@@ -139,12 +139,12 @@ class Tabulated(NamedTuple):
     width: float  # of the cell above the floor, d: its polynomial continues the profile as far below
     cells: int  # address of (cell, power): velocity in x from −1 to 1 across the cell; the last is the one above the floor
 
-    def both(self, z: float) -> tuple[float, float]:
+    def velocity_and_shear(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""
         if z <= self.floor:
             return 0.0, 0.0
         beyond = 0.0
-        if not z < HIGHEST:  # above the table every profile is a logarithm; what is not a number must not choose an address
+        if not z < HIGHEST:  # above the table every profile is a logarithm; NaN must not become an address
             beyond, z = math.log(z / HIGHEST), BELOW
         mantissa, exponent = math.frexp(z)
         if exponent <= OCTAVES[0]:
@@ -163,11 +163,11 @@ class Tabulated(NamedTuple):
         return velocity, rise
 
     def continued(self, z: float, ahead: float) -> tuple[float, float]:
-        """As `both`, but smooth across the floor: from the side on which z + ahead lies."""
+        """As `velocity_and_shear`, but smooth across the floor: from the side on which z + ahead lies."""
         if z + ahead <= self.floor:
             return 0.0, 0.0
         if z > self.floor + LOWEST:
-            found: tuple[float, float] = both(self, z)
+            found: tuple[float, float] = velocity_and_shear(self, z)
             return found
         x = 2.0 * (z - self.floor) / self.width - 1.0
         rest = min(0.0, x + 3.0)  # from there on straight
@@ -208,8 +208,8 @@ def tabulated(profile: Profile | Still) -> Tabulated:
     return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], float(above[widest]), cells.ctypes.data)
 
 
-both = method("both", 1)
-"""`both(profile, z)`: velocity and shear, also in compiled code."""
+velocity_and_shear = method("velocity_and_shear", 1)
+"""`velocity_and_shear(profile, z)`: velocity and shear, also in compiled code."""
 continued = method("continued", 2)
 """`continued(profile, z, ahead)`: the same, smooth across the floor, from the side on which z + ahead lies."""
 

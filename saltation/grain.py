@@ -16,7 +16,8 @@ Triple = tuple[float, float, float]  # x, y, z
 def critical_shields(particle_reynolds: float) -> float:
     """Critical Shields parameter τ*c at R_p = √(R g d³)/ν: Parker's fit to Shields' curve as in the thesis (4-13), with R_p, not Re_p."""
     power = particle_reynolds**-0.6
-    return float(0.22 * power + 0.06 * math.e ** (-17.77 * power)) if isinstance(power, float) else 0.22 * power + 0.06 * math.e ** (-17.77 * power)
+    value = 0.22 * power + 0.06 * math.e ** (-17.77 * power)
+    return float(value) if isinstance(value, float) else value
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from basset.solvers import stepper
 from basset.solvers._tables import step_tables
 from saltation._keys import text_of
 from saltation.flight import collisions, layout
+from saltation.flight.cloud import ROUNDED, Cloud
 from saltation.flight.cost import CHUNK, cost_of
-from saltation.flight.crowd import ROUNDED, Cloud
 from saltation.flight.fixed import FixedGrain
 from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.results.files import STOPPED, open_folder, packed, unpacked
@@ -31,17 +31,17 @@ from saltation.results.result import Result, origin
 from saltation.results.tables import encounter_table, fate_table, ordered, path_dataset, table_of, tables_to_dataset
 from saltation.scene import LONGEST, Scene, scene_of
 
-ROWS = 4096  # steps between two visits of the caller
-STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain lies still
-RENEWED = 16  # the same without a bed
+ROWS = 4096  # steps between two returns from compiled code
+STILL = 5.0  # jumps without flight in a row at the end of a run, or all of them: the grain is at rest
+RENEWED = 16  # the same without a bed, where the Jacobian is renewed at each
 MOST_KEPT = 2**16  # steps of a path without jumps; of a longer one every second, every fourth, … is kept
-WIDER = 1e3  # so much farther reaches the memory that takes over, where nothing jumps any more
-GROWTH = 64.0  # of a memory that was too short, at most
-SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one lies still
-BLOCKS = 128  # of grains that do not meet, at most
+WIDER = 1e3  # reach of a longer memory over that of the one before, where nothing jumps any more
+GROWTH = 64.0  # largest factor by which a memory that was too short is made longer
+SLIDING = 1e-3  # u*: a grain at the bed that is faster creeps, a slower one is at rest
+BLOCKS = 128  # most blocks of grains that do not meet
 PART = 2**19  # kept positions in a part of a run: 25 MB
-SLICE = 4096  # grain times interval between two looks at the clock
-STATUS = {
+SLICE = 4096  # grains × sampling intervals between two reports of progress
+STATUS = {  # by code: status and message of a result
     layout.JUMPS: ("finished", "all jumps are done"),
     stepper.END: ("finished", "the time is over"),
     layout.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
@@ -73,7 +73,7 @@ def run_one(scene: Scene, progress: Callable[[float], None] | None) -> Result:
     """Simulate one grain, anew with a longer memory where that was too short."""
     seen = 0.0
 
-    def report(share: float) -> None:  # never less than before, also where a run begins anew
+    def report(share: float) -> None:  # never decreases, also where a run begins anew
         nonlocal seen
         seen = max(seen, share)
         if progress is not None:
@@ -112,12 +112,12 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     fixed = scene.solver.method != "collocation"
     grain = FixedGrain(engine) if fixed else Grain(engine)
     rows: list[Floats] = []
-    trail: Trail | Points = Points(grain) if fixed else Trail(None if scene.bed is not None else MOST_KEPT)
-    heirs = [Heir(engine, grain)] if engine.problem.end < engine.end else []
-    while heirs and heirs[-1].engine.problem.end < engine.end:
-        heirs.append(Heir(heirs[-1].engine, grain))
+    kept: RecordedSteps | FixedNodes = FixedNodes(grain) if fixed else RecordedSteps(None if scene.bed is not None else MOST_KEPT)
+    longer = [LongerMemory(engine, grain)] if engine.problem.end < engine.end else []
+    while longer and longer[-1].engine.problem.end < engine.end:
+        longer.append(LongerMemory(longer[-1].engine, grain))
     recording = scene.run.trajectory or scene.bed is None
-    aloft = scene.bed is None  # steps grow: noise of the velocities counts for the positions, so the Jacobian is renewed often
+    aloft = scene.bed is None  # steps grow, and rounding errors of the velocities count in the positions: the Jacobian is renewed often
     table = np.zeros((min(wanted or ROWS, ROWS), len(layout.COLUMNS)))
     record: Any = (
         grain.record if isinstance(grain, FixedGrain) else empty_record(RENEWED if aloft else ROWS if recording else 1, engine.tables.count, engine.states)
@@ -129,22 +129,22 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
         code, done = grain.fly(record, recording, table)
         rows.append(table[: int(grain.flight[layout.DONE])].copy())
         if scene.run.trajectory:
-            trail.add(record, done, grain)
-        for heir in heirs:
-            heir.follow(record, done)
+            kept.add(record, done, grain)
+        for other in longer:
+            other.follow(record, done)
         report(min(1.0, float(grain.flight[layout.TAKEN] / wanted if wanted else grain.state.numbers[stepper.TIME] / engine.end)))
-        if code == stepper.END and heirs:
-            grain = heirs.pop(0).take_over(grain)
+        if code == stepper.END and longer:
+            grain = longer.pop(0).take_over(grain)
         elif code not in (stepper.FULL, layout.CROWDED):
             break
     whole, engine = np.concatenate(rows), grain.engine
     spins = np.vstack([whole[:, -3:], grain.spin[:3]])  # at the end of every flight
-    jumps, path = table_of(whole, engine.numbers.stokes(1.0)), partial(trail.path, engine, spins) if scene.run.trajectory else None
+    jumps, path = table_of(whole, engine.numbers.stokes(1.0)), partial(kept.path, engine, spins) if scene.run.trajectory else None
     return Result(scene, jumps, *ending(code, grain), origin(scene), float(grain.state.numbers[stepper.TIME]), path=path)
 
 
 def ending(code: int, grain: Grain) -> tuple[str, str]:
-    """Status and why, from what a flight came back with."""
+    """Status and why, from the code with which a flight ended."""
     short = grain.flight[layout.SHORT]
     if code == layout.JUMPS and short >= min(STILL, grain.flight[layout.TAKEN]):
         code = layout.REST
@@ -154,8 +154,8 @@ def ending(code: int, grain: Grain) -> tuple[str, str]:
     return STATUS.get(code, ("failed", diverged))
 
 
-class Heir:
-    """A memory that reaches farther than another and follows what that one remembers, to take over where it ends."""
+class LongerMemory:
+    """A memory with a longer reach that is advanced beside another one and replaces it where that ends."""
 
     def __init__(self, before: Engine, grain: Grain) -> None:
         self.engine = Engine(before.scene, min(before.scene.horizon, WIDER * before.horizon))
@@ -163,7 +163,7 @@ class Heir:
         self.known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
 
     def follow(self, record: stepper.Record, done: int) -> None:
-        """What the recorded steps leave in it."""
+        """Advance it by the recorded steps."""
         engine, tables, where = self.engine, self.engine.tables, self.engine.problem.where
         for h, kind, share, values in zip(record.size[:done], record.kind[:done], record.share[:done], record.values[:done], strict=True):
             if share < 1.0:
@@ -179,14 +179,14 @@ class Heir:
 
     def take_over(self, grain: Grain) -> Grain:
         """The grain with this memory."""
-        heir, state = Grain(self.engine), grain.state
+        other, state = Grain(self.engine), grain.state
         state.jump[:] = 0.0
-        heir.state = state._replace(past=np.ascontiguousarray(self.past))
-        heir.spin, heir.flight, heir.values = grain.spin, grain.flight, grain.values
-        return heir
+        other.state = state._replace(past=np.ascontiguousarray(self.past))
+        other.spin, other.flight, other.values = grain.spin, grain.flight, grain.values
+        return other
 
 
-class Trail:
+class RecordedSteps:
     """The recorded steps, thinned where there are more than `most`."""
 
     def __init__(self, most: int | None) -> None:
@@ -218,7 +218,7 @@ class Trail:
         return path_of(engine, self.whole(), spins)
 
 
-class Points:
+class FixedNodes:
     """The nodes of fixed steps, and the takeoffs, where rates are unknown."""
 
     def __init__(self, grain: Grain) -> None:
@@ -251,7 +251,7 @@ def joined(parts: list[stepper.Record]) -> stepper.Record:
 
 
 class Part:
-    """What one stretch of a run leaves."""
+    """One part of a run: its jumps, encounters and kept positions."""
 
     def __init__(self, engine: Engine, grains: range, first: int, count: int) -> None:
         self.engine, self.grains, self.first = engine, grains, first
@@ -292,8 +292,8 @@ class Part:
 
 
 def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any], progress: Callable[[float], None]) -> tuple[int, float, int]:
-    """Fly one stretch; (code, time reached, grain that stopped it)."""
-    slices = max(1, math.ceil((end - begin) * len(cloud.crowd.clock) / (SLICE * part.interval)))
+    """Fly one part; (code, time reached, grain that stopped it)."""
+    slices = max(1, math.ceil((end - begin) * len(cloud.state.clock) / (SLICE * part.interval)))
     code, grain, clock = collisions.UNTIL, 0, begin
     for k in range(1, slices + 1):
         until = end if k == slices else begin + k * (end - begin) / slices
@@ -302,16 +302,16 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
             if code in (layout.REST, layout.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
-                fates.append([cloud.grains.start + grain, float(cloud.crowd.numbers[grain, stepper.TIME]), fate])
+                fates.append([cloud.grains.start + grain, float(cloud.state.numbers[grain, stepper.TIME]), fate])
         if code != collisions.UNTIL:
-            return code, float(cloud.crowd.clock[grain]) if cloud.domain is not None else clock, grain
+            return code, float(cloud.state.clock[grain]) if cloud.domain is not None else clock, grain
         clock = until
         progress(until)
     return code, clock, grain
 
 
-def note(cloud: Cloud, known: dict[str, Any]) -> None:
-    """Add what is special to encounters to the provenance."""
+def note_encounters(cloud: Cloud, known: dict[str, Any]) -> None:
+    """Add the pair law, the box and the unresolved steps to the provenance of a run with encounters."""
     if cloud.domain is not None:
         scene = cloud.engine.scene
         known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
@@ -344,8 +344,8 @@ def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Fo
             return open_folder(folder.path)
         now = folder.load_checkpoint(cloud.arrays())
         cloud.tabulate()
-        note(cloud, known)
-        folder.write_status(now, known)  # the last words of a run that was killed between its checkpoint and them
+        note_encounters(cloud, known)
+        folder.write_status(now, known)  # of a run that was killed between its checkpoint and its status
 
     def report(time: float) -> None:
         if progress is not None:
@@ -356,7 +356,7 @@ def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Fo
         k = now.parts
         part = Part(engine, cloud.grains, k * count, every - k * count if k + 1 == last else count)  # the end itself belongs to the last one
         code, reached, grain = fly_part(cloud, part, k * stretch, min(end, (k + 1) * stretch), now.fates, report)
-        note(cloud, known)
+        note_encounters(cloud, known)
         status, message = STATUS[code] if code != collisions.UNTIL or k + 1 == last else STOPPED
         now = RunStatus(k + 1, reached, status, message if code == collisions.UNTIL else f"grain {cloud.grains.start + grain}: {message}", now.fates)
         if folder is None:

@@ -223,16 +223,6 @@ def _reference_row(where: str, fields: dict[str, str]) -> dict[str, Any]:
     return row
 
 
-def run_table(runs: Mapping[float, pd.DataFrame], seed: int = 0, resamples: int = 400) -> pd.DataFrame:
-    """Runs {transport stage T: table of jumps} in the columns of a reference (variable, T, mean, sd, standard_error, n; d and u*), to be judged."""
-    rows = []
-    for stage, jumps in runs.items():
-        at = _validate.positive("the transport stage of a run", stage)
-        for variable, row in summary(jumps, VARIABLES, seed, resamples).iterrows():
-            rows.append((variable, at, row["mean"], row["standard_deviation"], row["standard_error"], int(row["count"])))
-    return pd.DataFrame(rows, columns=["variable", "T", "mean", "sd", "standard_error", "n"])
-
-
 def rmse(predicted: ArrayLike, observed: ArrayLike) -> float:
     """Root mean square error over the mean observation, √(Σ(P − O)²/n)/Ō of pairs in one unit: a fraction (thesis, section 3.4.2)."""
     p, o = _series("predicted", predicted), _series("observed", observed)

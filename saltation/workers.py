@@ -1,4 +1,4 @@
-"""Processes that share out work: a worker that is killed is replaced, its task is done again, and no worker outlives this process."""
+"""Worker processes: one that is killed is replaced and its task done again, and none outlives this process."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
 
-REPLACEMENTS = 10  # of killed workers; then something kills them all, such as a lack of memory
+REPLACEMENTS = 10  # of killed workers; more have a common cause, such as a lack of memory
 
 
 class Processes(Executor):
     """An executor like `ProcessPoolExecutor` that survives the death of its workers.
 
-    Each worker is at the end of a pipe of its own, so one that is killed, even in the midst of an answer, takes nothing with it but its task.
-    After so many deaths (`replacements`) the tasks that meet another one end with `BrokenExecutor`.
+    Each worker is at the end of a pipe of its own, so when one is killed, even while it answers, only its task is lost.
+    After `replacements` killed workers a task whose worker is killed ends with `BrokenExecutor`.
 
     >>> with processes(1) as pool:
     ...     pool.submit(pow, 2, 10).result()
@@ -34,7 +34,7 @@ class Processes(Executor):
         self._lock = threading.Lock()
         self._over = False
         self._tasks: queue.SimpleQueue[tuple[Future[Any], Any] | None] = queue.SimpleQueue()
-        with ignore_sigint():  # what starts deaf to interrupts stays so, from its first line on
+        with ignore_sigint():  # inherited by the workers from their first line on
             self._workers = [_start() for _ in range(workers)]
         self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(workers)]
         for thread in self._threads:
@@ -157,7 +157,7 @@ def cores() -> int:
 
 
 def _start() -> tuple[Any, Connection]:
-    """A worker and our end of its pipe."""
+    """A worker and this process's end of its pipe."""
     context = multiprocessing.get_context("spawn")
     ours, its = context.Pipe()
     process = context.Process(target=_work, args=(its,), daemon=True)
@@ -175,7 +175,7 @@ def _work(pipe: Connection) -> None:
         with contextlib.suppress(EOFError, OSError):
             while True:
                 tasks.put(pipe.recv())
-        os._exit(1)  # the parent let go, or is dead: in the midst of a task too
+        os._exit(1)  # the parent closed the pipe or is dead: also during a task
 
     threading.Thread(target=listen, daemon=True).start()
     while True:

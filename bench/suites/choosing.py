@@ -17,10 +17,10 @@ from saltation.study import effects as advice
 
 SCENES = ("sand", "sand_coarse", "gravel")
 ALWAYS = ("weight", "drag")  # without either no run finishes
-SEED = 101  # of the truth: none that a choice has seen
+SEED = 101  # of the reference: none that a choice has seen
 SEEDS = (1, 2, 3, 4, 5)  # of choices
 LOOSER = 0.2  # a tolerance at which more scenes can do without some
-ERROR = 0.005  # relative standard error of the mean heights of the truth
+ERROR = 0.005  # relative standard error of the mean heights of the reference
 COMBINED = "sand"
 MEASURED = 0.15  # Magnus's coefficient at Re 550 to 1600: Tsuji, Morikawa & Mizuno (1985), J. Fluids Eng. 107, 484
 
@@ -39,11 +39,11 @@ def every_set(scene: Any) -> dict[str, Any]:
     return found
 
 
-def truth(scene: Any, error: float) -> list[dict[str, Any]]:
+def reference_runs(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
-    cases = every_set(scene.changed(run={"seed": SEED}))
-    table = cases.compare(cases.enough(cases, error, None, None)[0])
-    table["time"] = advice.costs(cases)
+    sets = every_set(scene.changed(run={"seed": SEED}))
+    table = cases.compare(cases.fly_to_error(sets, error, None, None)[0])
+    table["time"] = advice.relative_costs(sets)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
 
 
@@ -86,7 +86,7 @@ def magnus(scene: Any) -> dict[str, Any]:
     """The scene with the coefficient that was measured at high Reynolds numbers, beside the thesis's and none; and what is then chosen."""
     made = scene.changed(magnus={"coefficient": MEASURED})
     each = {"0.75": scene, f"{MEASURED:g}": made, "none": cases.without(scene, ["magnus"])}
-    table = cases.compare(cases.enough(each, 0.01, None, None)[0])
+    table = cases.compare(cases.fly_to_error(each, 0.01, None, None)[0])
     return {
         "coefficient": MEASURED,
         "rows": {str(name): plain(row) for name, row in table.iterrows()},
@@ -100,7 +100,7 @@ def run(full: bool) -> dict[str, Any]:
     for name in SCENES:
         scene = saltation.load(name)
         found["advised"][name] = [rounded(asdict(row)) for row in advice.advise(scene)]
-        found["sets"][name] = truth(scene, ERROR)
+        found["sets"][name] = reference_runs(scene, ERROR)
         found["ablation"][name] = [{"effect": str(effect), **plain(row)} for effect, row in advice.ablate(scene).iterrows()]
         found["chosen"][name] = chosen(scene, advice.TOLERANCE)
         found["looser"][name] = chosen(scene, LOOSER)

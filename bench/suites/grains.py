@@ -15,19 +15,20 @@ import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation.flight import layout
+from saltation.flight.cloud import Cloud, starts
 from saltation.flight.collisions import UNTIL, Samples
-from saltation.flight.crowd import Cloud, starts
 from saltation.flight.setup import Engine, Grain, Start, empty_record
 from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
 from saltation.study import campaigns, grains, thesis
+from saltation.workers import cores
 
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
 CONCENTRATIONS = (0.0013, 0.0233)
 LARGE = ("encounters, history", "no encounters, history")  # forms that are flown with so many
 SETTLED = 4.0  # d/u* before anything is timed
-STRETCH = 2000.0  # grain times d/u* between two looks at the clock
+STRETCH = 2000.0  # grains × d/u* in one timed piece
 FORMS: dict[str, tuple[str, ...]] = {
     "encounters, history": (),
     "encounters, no history": ("history",),
@@ -47,7 +48,7 @@ def cloud_of(number: int, concentration: float, without: tuple[str, ...] = ()) -
 
 
 class Timed:
-    """A cloud that flies stretch by stretch, timed."""
+    """A cloud that flies piece by piece, timed."""
 
     def __init__(self, content: Content) -> None:
         self.scene = scene_of(content)
@@ -59,7 +60,7 @@ class Timed:
         self.samples = Samples(self.scene.cloud.interval, np.zeros(1, dtype=np.int64), none)
 
     def fly(self, grain_time: float) -> None:
-        """One stretch; the logs are thrown away.
+        """One piece; the logs are thrown away.
 
         Raises
         ------
@@ -80,7 +81,7 @@ class Timed:
     @property
     def bytes(self) -> float:
         """Memory per grain."""
-        return float(sum(array.nbytes for array in (*self.cloud.crowd, self.cloud.first_in_cell)) / self.number)
+        return float(sum(array.nbytes for array in (*self.cloud.state, self.cloud.first_in_cell)) / self.number)
 
 
 def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
@@ -99,7 +100,7 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
                 for own in timed.values():
                     own.fly(max(STRETCH, 0.25 * own.number))
             for number, own in timed.items():
-                steps = float(own.cloud.crowd.numbers[:, stepper.STEPS].sum() / (own.clock * number))
+                steps = float(own.cloud.state.numbers[:, stepper.STEPS].sum() / (own.clock * number))
                 rows.append({"form": form, "concentration": concentration, "number": number, "seconds": own.best, "bytes": own.bytes, "steps": steps})
     return rows
 
@@ -126,11 +127,11 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
             cloud.logs.count[:2] = 0
         best["cloud"] = min(best["cloud"], time.perf_counter() - begin)
         together = np.concatenate(rows)
-        grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]
+        single_grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]
         record, table = empty_record(1, engine.tables.count, engine.states), np.zeros((1000, len(layout.COLUMNS)))
         alone = []
         taken = 0.0
-        for i, grain in enumerate(grains):
+        for i, grain in enumerate(single_grains):
             grain.memory = grain.memory._replace(horizon=until)  # comes back after the step that passes it
             grain.flight[layout.DONE] = 0.0
             begin = time.perf_counter()
@@ -162,7 +163,7 @@ def study() -> dict[str, Any]:
 
         found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}
         found |= {"runs": records(table), "slow": records(slow(table, opened)), "moments": [moments(opened, meeting) for meeting in (True, False)]}
-    return {"seconds": seconds, "workers": campaigns.cores(), **found, "clipped": [clipped(scatter) for scatter in (False, True)]}
+    return {"seconds": seconds, "workers": cores(), **found, "clipped": [clipped(scatter) for scatter in (False, True)]}
 
 
 def clipped(scatter: bool) -> dict[str, Any]:

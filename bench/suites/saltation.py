@@ -1,4 +1,4 @@
-"""What does each effect, each correction and each reading do to a jump?"""
+"""What does each effect, each correction and each modelling choice do to a jump?"""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ Tasks = dict[Any, Task]
 Found = dict[Any, dict[str, Any]]
 
 
-def memories() -> dict[str, Content]:
-    """What the memory can do at a rebound, as changes of a scene."""
+def treatments() -> dict[str, Content]:
+    """Treatments of the history force at an impact, as changes of a scene."""
     rebounds = {"remembered": "impulse", "restarted": "restart", "wiped": "reset", "jump ignored, 1 jump": "none"}
     found: dict[str, Content] = {"no history": {"without": ("history",)}}
     for label, kernel in (("", "basset"), ("Mei–Adrian: ", "mei_adrian"), ("Dorgan–Loth: ", "dorgan_loth")):
@@ -65,11 +65,11 @@ PROTOTYPE_ERROR = {73: 0.04, 250: 0.14}  # at most; and about 2 % of a mean
 
 
 def memory_tasks(jumps: int) -> Tasks:
-    """Every memory in every case, and the growth of what nothing forgets."""
+    """Every treatment in every case, and the growth where nothing is forgotten."""
     tasks: Tasks = {}
     for case, (reynolds, stage, reading, profile) in enumerate(CASES):
         content = changed(base(SCENES[reynolds], jumps), channel={"transport_stage": stage, "profile": profile}, bed={"reading": reading})
-        for name, changes in memories().items():
+        for name, changes in treatments().items():
             tasks["memory", case, name] = Task(changed(content, **changes))
         for count in (jumps // 4, jumps // 2, jumps):
             longer = changed(content, history={"rebound": "none", "horizon": FAR}, run={"jumps": count + 20})
@@ -102,7 +102,7 @@ def kept(row: dict[str, Any], more: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def variants() -> dict[tuple[str, str], Content]:
-    """(kind, name) of every documented reading, and of the memories that make the model's spread."""
+    """(kind, name) of every profile and range of contact angles, and of the treatments of the history force that make the model's spread."""
     found: dict[tuple[str, str], Content] = {}
     for profile in PROFILES:
         for reading in READINGS:
@@ -113,7 +113,7 @@ def variants() -> dict[tuple[str, str], Content]:
     found["reading", "swamee, clip, Magnus as a vector"] = {"magnus": {"form": "vector"}}
     found["reading", "swamee, clip, no Magnus"] = {"without": ("magnus",)}
     chosen = ("no history", "restarted", "wiped", "jump ignored, 1 jump", "Mei–Adrian: remembered", "Mei–Adrian: restarted", "Mei–Adrian: jump ignored, 1 jump")
-    found |= {("memory", name): changes for name, changes in memories().items() if name in chosen}
+    found |= {("memory", name): changes for name, changes in treatments().items() if name in chosen}
     found["printed", "torque without ρ/ρ_s"] = {"rotation": {"density_ratio": False}}
     return found
 
@@ -164,7 +164,7 @@ def grid(found: Found) -> dict[str, Any]:
 # Effects, corrections and choices, in pairs
 
 
-def levers() -> dict[tuple[str, str], Content]:
+def modifications() -> dict[tuple[str, str], Content]:
     """(group, name) of everything that is switched, one at a time."""
     return {
         ("off", "history"): {"without": ("history",)},
@@ -195,17 +195,17 @@ def levers() -> dict[tuple[str, str], Content]:
     }
 
 
-def lever_tasks(jumps: int) -> Tasks:
-    """Every lever in every scene."""
+def modification_tasks(jumps: int) -> Tasks:
+    """Every modification in every scene."""
     tasks: Tasks = {}
     for name in ("sand", "sand_coarse", "gravel"):
         content = base(name, jumps)
-        tasks["lever", name, "base", "base"] = Task(content)
-        for (group, lever), changes in levers().items():
+        tasks["modification", name, "base", "base"] = Task(content)
+        for (group, modification), changes in modifications().items():
             scene = changed(content, **changes)
             if "roughness_height" in scene["channel"]:
                 scene["channel"]["roughness_height"] *= scene["grain"]["diameter"]
-            tasks["lever", name, group, lever] = Task(scene)
+            tasks["modification", name, group, modification] = Task(scene)
     return tasks
 
 
@@ -213,15 +213,15 @@ def effects(found: Found) -> list[dict[str, Any]]:
     """Means, and changes against the base with standard errors from pairs of jumps."""
     records = []
     for key, row in found.items():
-        if key[0] != "lever":
+        if key[0] != "modification":
             continue
-        _, name, group, lever = key
-        against = found["lever", name, "base", "base"]["series"]
+        _, name, group, modification = key
+        against = found["modification", name, "base", "base"]["series"]
         change = {}
         for quantity in QUANTITIES:
             difference = statistics.paired_difference(row["series"][quantity], against[quantity])
             change[quantity] = rounded({"mean": difference.mean, "se": difference.standard_error})
-        records.append({"scene": name, "group": group, "name": lever, **kept(row), "change": change})
+        records.append({"scene": name, "group": group, "name": modification, **kept(row), "change": change})
     return records
 
 
@@ -385,7 +385,7 @@ def thesis_campaign(full: bool) -> dict[str, Any]:
 def run(full: bool) -> dict[str, Any]:
     """Everything the page on saltation needs."""
     jumps = COUNTED if full else COUNTED_SHORT
-    tasks = memory_tasks(jumps) | grid_tasks(jumps) | lever_tasks(jumps) | other_tasks(jumps, 2000 if full else 600)
+    tasks = memory_tasks(jumps) | grid_tasks(jumps) | modification_tasks(jumps) | other_tasks(jumps, 2000 if full else 600)
     found = grains.run_all(tasks)
     saturation = [{"stage": key[1], "name": key[2], **kept(row, ("spin",))} for key, row in found.items() if key[0] == "saturation"]
     return {

@@ -21,9 +21,9 @@ from bench.grains import at_fixed_steps, base, changed
 from saltation import statistics
 from saltation.scene import scene_of
 
-JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; one that a dear scheme can pay; left out of the means in both
+JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; a short one for slow schemes; left out of the means in both
 QUANTITIES = ("height", "length")
-REFERENCE = 1e-10  # rtol of the truth
+REFERENCE = 1e-10  # rtol of the reference
 COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
 WHOLE, DROPPED, PUBLISHED, FITTED, SUMS = "whole past", "window, no tail", "window, published tail", "window, fitted tail", "exponentials"
 RTOLS = tuple(10.0**-k for k in range(2, 9))
@@ -34,7 +34,7 @@ REMEMBERED_JUMPS, THEIR_RTOL = (1, 2, 5, 10, 20, 50), 1e-5  # windows of colloca
 THESIS = ("semi-derivative", HELD, 1e-3)  # what the thesis flies with
 TYPICAL = {"impulse": 1.5, "reset": 3.0}  # d/u*: a jump lasts so long
 PER_STEP, PER_SAMPLE, PER_NODE = 1.2e-6, 1.1e-9, 4e-7  # s: a step, a sample in its sum, a node ahead that an impact corrects; for planning alone
-CUT = 2.5  # so many times dearer may a short run be
+CUT = 2.5  # predicted time of a short run over `patience`, at most
 REPEATED = 0.3  # s: quicker runs are repeated, the quickest counts
 
 Content = dict[str, Any]
@@ -42,7 +42,7 @@ Content = dict[str, Any]
 
 @dataclass(frozen=True)
 class Contender:
-    """A history at fixed steps: what people call it, what it does with the past, its fields of [history], its degree."""
+    """A history at fixed steps: its name, its family (how the past is treated), its fields of [history], its degree."""
 
     scheme: str
     family: str
@@ -78,7 +78,7 @@ def _contenders() -> tuple[Contender, ...]:
         for rtol in rough
     ]
     named = {contender.history["scheme"] for contender in found}
-    return (*found, *(Contender(name, WHOLE, {"scheme": name}) for name in SCHEMES if name not in named))  # what is added there flies too
+    return (*found, *(Contender(name, WHOLE, {"scheme": name}) for name in SCHEMES if name not in named))  # schemes added there are flown too
 
 
 CONTENDERS = _contenders()
@@ -127,7 +127,7 @@ class Flight:
 WHOLE_MEMORY = Contender("collocation", COLLOCATION, {})
 
 
-# Who flies, and how long
+# Which schemes are flown, and how long
 
 
 def horizon(contender: Contender, jumps: int, rebound: str) -> float:
@@ -146,7 +146,7 @@ def predicted(contender: Contender, dt: float, jumps: int, rebound: str) -> floa
 
 
 def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[float], patience: float) -> list[Flight]:
-    """The steps that can be afforded: in full length, cut short, or not at all. The whole past, dearer with every jump, is always cut."""
+    """The steps that are affordable: in full length, cut short, or not at all. The whole past, slower with every jump, is always cut."""
     flights = []
     for dt in (dt for dt in ladder if dt >= contender.finest):
         always = rebound == "impulse" and (contender.scheme, method, dt) == THESIS
@@ -158,7 +158,7 @@ def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[fl
 
 
 def exact(jumps: int = JUMPS, rtol: float = REFERENCE) -> Flight:
-    """The truth."""
+    """The reference run."""
     return Flight(WHOLE_MEMORY, COLLOCATION, rtol, jumps)
 
 
@@ -230,7 +230,7 @@ def take_turns(flights: Sequence[Flight], rebound: str, seeds: Sequence[int], pa
     return logs
 
 
-def record_of(flight: Flight, log: Log, logs: Mapping[Flight, Log], truths: Mapping[int, Floats], means: Floats) -> dict[str, Any]:
+def record_of(flight: Flight, log: Log, logs: Mapping[Flight, Log], references: Mapping[int, Floats], means: Floats) -> dict[str, Any]:
     """Time and errors of one flight, ready for JSON."""
     contender = flight.contender
     row: dict[str, Any] = {
@@ -247,7 +247,7 @@ def record_of(flight: Flight, log: Log, logs: Mapping[Flight, Log], truths: Mapp
     if not log.tables:
         return row | dict.fromkeys((*QUANTITIES, "truncation"))
     tables = list(log.tables.values())
-    row |= paired(tables, [truths[seed] for seed in log.tables], means)
+    row |= paired(tables, [references[seed] for seed in log.tables], means)
     twin = next((other for other in logs if is_twin(other, flight)), None)
     row["truncation"] = None
     if twin is not None and all(seed in logs[twin].tables for seed in log.tables):
@@ -269,19 +269,19 @@ def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds:
         if contender.scheme in names:
             for method in (IMPLICIT, HELD):
                 flights += planned(contender, method, rebound, ladder, patience)
-    truths = {seed: exact().fly(rebound, seed)[1][DISCARD:] for seed in seeds}
+    references = {seed: exact().fly(rebound, seed)[1][DISCARD:] for seed in seeds}
     others = {seed: exact(rtol=10.0 * REFERENCE).fly(rebound, seed)[1][DISCARD:] for seed in seeds}
-    means = np.mean([table.mean(axis=0) for table in truths.values()], axis=0)
+    means = np.mean([table.mean(axis=0) for table in references.values()], axis=0)
     logs = take_turns(flights, rebound, seeds, patience)
-    apart = paired(list(others.values()), list(truths.values()), means)
-    scatter = [[statistics.standard_error(table[:, k]) for table in truths.values()] for k in range(len(QUANTITIES))]
+    apart = paired(list(others.values()), list(references.values()), means)
+    scatter = [[statistics.standard_error(table[:, k]) for table in references.values()] for k in range(len(QUANTITIES))]
     return {
         "rebound": rebound,
         "mean": dict(zip(QUANTITIES, means, strict=True)),
         "unpaired_se": {name: float(np.mean(errors) / means[k]) for k, (name, errors) in enumerate(zip(QUANTITIES, scatter, strict=True))},
         "reference_apart": max(apart[name]["max"] for name in QUANTITIES),
         "duration": float(np.mean([saltation.run(scene_of(exact().scene(rebound, seed))).jumps["duration"].mean() for seed in seeds[:1]])),
-        "records": [record_of(flight, log, logs, truths, means) for flight, log in logs.items()],
+        "records": [record_of(flight, log, logs, references, means) for flight, log in logs.items()],
     }
 
 

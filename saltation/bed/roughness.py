@@ -1,11 +1,11 @@
-"""What the grain meets on the bed: tilts θ_b (in the plane of motion) and α_b (across) of the contact plane.
+"""Roughness of the bed: tilts θ_b (in the plane of motion) and α_b (across) of the contact plane.
 
 Contact normal into the water (−sin θ_b cos α_b, −sin α_b, cos θ_b cos α_b), mirrored for a grain that moves upstream. The
 grain's centre stands at cos θ_b cos α_b − depth above the bed level, depth = ¼: the bed level lies that far below the crests.
 
 The touching-sphere relation r/d = ½ (cos θ_b − tan θ_in sin θ_b), thesis (3-5), is cos(θ_b + θ_in) = (2r/d) cos θ_in, and
-the same across with α_in. r/d ∈ U(0, ½) gives θ_b from 0 to 90° − θ_in, not up to the 30° of the text; hence the readings:
-`clip` (at 30°), `reject` (drawn again beyond 30°), `literal` (as it comes), `spheres` (what a path can really touch, lee
+the same across with α_in. r/d ∈ U(0, ½) gives θ_b from 0 to 90° − θ_in, not up to the 30° of the text; hence four ranges of
+contact angles: `clip` (at 30°), `reject` (drawn again beyond 30°), `literal` (as it comes), `spheres` (what a path can really touch, lee
 side included: grains slide).
 """
 
@@ -19,7 +19,7 @@ from basset._compile import shared
 from saltation._random import Draws
 from saltation.grain import Triple
 
-__all__ = ["Roughness", "angles", "facing"]
+__all__ = ["Roughness", "angles", "contact_plane"]
 
 STEEPEST = math.radians(30.0)
 TILT = math.radians(4.0)
@@ -99,7 +99,7 @@ class Roughness(NamedTuple):
 
     along: int  # how θ_b is drawn: LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING or BOUNDED
     side: int  # how α_b is
-    reading: int  # place in `READINGS`
+    reading: int  # range of contact angles, place in `READINGS`
     least: float  # smallest 2r/d of a draw
     scatter: float  # factor of α_b: 1, or 0 for none across the stream
     depth: float  # d, of the bed level below a centre in contact with an untilted bed, plus ½
@@ -149,7 +149,7 @@ ROUGHNESS: dict[str, Any] = {
 
 
 @shared
-def facing(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
+def contact_plane(roughness: Roughness, ux: float, uy: float, uz: float, draws: Draws) -> tuple[Triple, float, float, float]:
     """The contact plane that a grain meets: unit normal into the water, height of the centre in contact (d), θ_b (radians), 1 where it was clipped.
 
     Thesis (3-5), section 3.2.3.

@@ -1,8 +1,8 @@
 """Basset history: −c·H of the slip, with the initial slip and the slip jump of every rebound; c = 9α/√(π Re*), thesis (3-1).
 
-What the memory does at a rebound decides the height of jumps (by a factor of 2 to 3) and is not established by
-measurement: `impulse` remembers the slip jump, `restart` forgets the past and remembers the whole new slip (the grain
-leaves its wake), `reset` forgets both, `none` keeps the past and ignores the jump.
+The treatment of the history force at an impact decides the height of jumps (by a factor of 2 to 3) and is not established by
+measurement: `impulse` keeps the past and adds the jump of the slip, `restart` drops the past and adds the whole new slip (the grain
+leaves its wake), `reset` drops both, `none` keeps the past and ignores the jump.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
 
 
 class Options(Table):
-    """Kernel, scheme, and what is remembered at a rebound."""
+    """Kernel, scheme, and the treatment at an impact."""
 
-    rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="what the memory does at an impact")
+    rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="treatment of the history force at an impact")
     kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")
     scheme: str = Field("exponential", description="any key of basset.SCHEMES")
     order: int | None = Field(None, ge=1, le=10, description="degree of a product rule")

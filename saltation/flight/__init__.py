@@ -1,1 +1,1 @@
-"""The compiled room: the equation of a flight, contact with the bed and with other grains, and how a scene is made ready to fly."""
+"""The compiled part: the equation of a flight, contact with the bed and with other grains, and how a scene is prepared for it."""

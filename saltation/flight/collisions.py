@@ -1,16 +1,16 @@
 """Many grains in one compiled run: each with its own graded steps, encounters by event time from the step polynomials.
 
-Every grain has one step in hand: found, not yet taken, valid up to its end or to its impact on the bed. The grain whose next
-event comes first is served: a step that ends is taken and the next one is found; an impact or an encounter cuts the steps
-where it happens. Nobody is advanced beyond what is certain, so nothing is taken back and no snapshots are needed. Without
-encounters the grains are served one after the other, and there is no search and no list.
+Every grain has one step that is found but not yet taken (its current step), valid up to its end or to its impact on the bed. The
+grain with the earliest event comes next: a step that ends is taken and the next one is found; an impact or an encounter truncates
+the steps where it happens. No grain is advanced beyond what is certain, so no step is undone and no state has to be saved. Without
+encounters the grains are advanced one after the other, without heap and cells.
 
 A pair's gap g = |r| − 1 falls no faster than g'(t) allows with what the step says about accelerations, because |r|'' ≥ −|a|:
-the time to the next look follows from that bound and no meeting is passed by (conservative advancement, Mirtich 1996).
+the time to the next check follows from that bound and no encounter is missed (conservative advancement, Mirtich 1996).
 
 A step's positions and slips are two polynomials that agree at the nodes only. Here a grain moves along one path per step: its
 position is the integral of its velocity, which begins with that of the state. A gap that closes does so at a rate below 0,
-and a pair that parts after an encounter is apart: no pair sinks into each other, however coarse the steps are.
+and a pair that separates after an encounter stays apart: no pair overlaps, however coarse the steps are.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
-STEP_END, IMPACT, ENCOUNTER, PLAN, SEEK, GONE, AGAIN, ROUGH, KINK = range(9)  # what a grain's next event is
-UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` came back, beside the codes of a flight
-BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Crowd.path`
+STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, RESUME, ROUGH_STEP, KINK = range(9)  # kinds of a grain's next event
+UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` returns, beside the codes of a flight
+BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Grains.path`: times; middle and velocity of the chord; bounds:
+# distance from the chord, velocity against its, and of the acceleration BEND + ROOT/(2√t), t since the step's start
 REACH = 2.0  # d: half a step's path is at most this long
-UNSEEN = 1e-10  # d: no overlap is deeper
+DEEPEST_OVERLAP = 1e-10  # d
 MARGIN = math.sqrt(2.0)  # |p| on [−1, 1] over the largest at the zeros of T_2n, for degrees up to n: Ehlich & Zeller (1964), Math. Z. 86, 41
-# what takes up a wrong beginning of a path, in Legendre polynomials on [0, 1]: θ(1 − θ)², s(1 − s)²(1 + 2s), s²(1 − s)²/2
+# what corrects the velocity at the start of a path, in Legendre polynomials on [0, 1]: θ(1 − θ)², s(1 − s)²(1 + 2s), s²(1 − s)²/2
 RISE = (1.0 / 12.0, -1.0 / 20.0, -1.0 / 12.0, 1.0 / 20.0)
 SLOPE = (3.0 / 20.0, -1.0 / 20.0, -5.0 / 28.0, 1.0 / 20.0, 1.0 / 35.0)
 CURVE = (1.0 / 60.0, 0.0, -1.0 / 42.0, 0.0, 1.0 / 140.0)
@@ -62,7 +63,7 @@ class Domain(NamedTuple):
     collapse_limit: int
 
 
-class Crowd(NamedTuple):
+class Grains(NamedTuple):
     """All grains, one row each: what a single grain has in its own arrays, and its next event."""
 
     y: Floats
@@ -74,13 +75,13 @@ class Crowd(NamedTuple):
     flight: Floats
     values: Floats
     diagonal: Floats  # of the Jacobian, (1, states)
-    share: Floats  # θ at which the step in hand ends
-    path: Floats  # of the step in hand: its times, its chord, and bounds on what leaves the chord
+    share: Floats  # θ at which the current step ends
+    path: Floats  # of the current step: its times, its chord, and bounds on what leaves the chord
     clock: Floats  # time of the next event
     counting_since: Floats  # when the count of encounters began
     sample: Any  # next sample to be written
     kind: Any  # of the next event
-    own: Any  # what happens at the end of the step in hand
+    own: Any  # what happens at the end of the current step
     partner: Any
     cell: Any
     next_in_cell: Any  # next grain in the same cell, −1 at the end
@@ -119,7 +120,7 @@ Courses = tuple[Course, Course]  # room for those of two grains: the first one's
 
 
 class Parts(NamedTuple):
-    """What stays the same during a run: how the grain in hand flies, whose place in the crowd may be any; `rough`: the attempt at a step that cannot
+    """What stays the same during a run: how the grain that is loaded flies, whichever it is; `rough`: the attempt at a step that cannot
     be small enough, since two contacts follow each other too closely.
     """
 
@@ -137,20 +138,20 @@ def index(number: Any) -> Any:
 
 
 @shared
-def less(crowd: Crowd, one: int, other: int) -> bool:
+def less(grains: Grains, one: int, other: int) -> bool:
     """Which of two grains comes first; ties by number, so that the order never depends on the past."""
-    a, b = crowd.clock[one], crowd.clock[other]
+    a, b = grains.clock[one], grains.clock[other]
     return a < b or (a == b and one < other)
 
 
 @shared
-def sift(crowd: Crowd, grain: int) -> None:
+def sift(grains: Grains, grain: int) -> None:
     """Put a grain whose event has changed into its place of the heap."""
-    heap, place = crowd.heap, crowd.place
+    heap, place = grains.heap, grains.place
     k = place[grain]
     while k > 0:
         parent = (k - 1) // 2
-        if not less(crowd, grain, heap[parent]):
+        if not less(grains, grain, heap[parent]):
             break
         heap[k] = heap[parent]
         place[heap[k]] = k
@@ -160,9 +161,9 @@ def sift(crowd: Crowd, grain: int) -> None:
         child = 2 * k + 1
         if child >= count:
             break
-        if child + 1 < count and less(crowd, heap[child + 1], heap[child]):
+        if child + 1 < count and less(grains, heap[child + 1], heap[child]):
             child += 1
-        if not less(crowd, heap[child], grain):
+        if not less(grains, heap[child], grain):
             break
         heap[k] = heap[child]
         place[heap[k]] = k
@@ -172,20 +173,20 @@ def sift(crowd: Crowd, grain: int) -> None:
 
 
 @shared
-def set_event(domain: Domain | None, crowd: Crowd, grain: int, time: float, kind: int, partner: int) -> None:
+def set_event(domain: Domain | None, grains: Grains, grain: int, time: float, kind: int, partner: int) -> None:
     """Give a grain its next event."""
-    crowd.clock[grain], crowd.kind[grain], crowd.partner[grain] = time, kind, partner
+    grains.clock[grain], grains.kind[grain], grains.partner[grain] = time, kind, partner
     if domain is not None:
-        sift(crowd, grain)
+        sift(grains, grain)
 
 
 # Neighbours
 
 
 @shared
-def leave_cell(crowd: Crowd, first_in_cell: Any, grain: int) -> None:
+def leave_cell(grains: Grains, first_in_cell: Any, grain: int) -> None:
     """Take a grain out of its cell."""
-    cell, next_in_cell = crowd.cell[grain], crowd.next_in_cell
+    cell, next_in_cell = grains.cell[grain], grains.next_in_cell
     if cell < 0:
         return
     if first_in_cell[cell] == grain:
@@ -195,18 +196,18 @@ def leave_cell(crowd: Crowd, first_in_cell: Any, grain: int) -> None:
         while next_in_cell[other] != grain:
             other = next_in_cell[other]
         next_in_cell[other] = next_in_cell[grain]
-    crowd.cell[grain] = -1
+    grains.cell[grain] = -1
 
 
 @shared
-def enter_cell(domain: Domain, crowd: Crowd, first_in_cell: Any, grain: int) -> None:
-    """Put a grain into the cell over the middle of its path; open worlds are folded, which only adds candidates."""
-    column = math.floor(crowd.path[grain, X] / domain.cell_x) % domain.along
-    row = math.floor(crowd.path[grain, Y] / domain.cell_y) % domain.across
+def enter_cell(domain: Domain, grains: Grains, first_in_cell: Any, grain: int) -> None:
+    """Put a grain into the cell over the middle of its path; open domains are folded, which only adds candidates."""
+    column = math.floor(grains.path[grain, X] / domain.cell_x) % domain.along
+    row = math.floor(grains.path[grain, Y] / domain.cell_y) % domain.across
     cell = column * domain.across + row
-    if cell != crowd.cell[grain]:
-        leave_cell(crowd, first_in_cell, grain)
-        crowd.cell[grain], crowd.next_in_cell[grain], first_in_cell[cell] = cell, first_in_cell[cell], grain
+    if cell != grains.cell[grain]:
+        leave_cell(grains, first_in_cell, grain)
+        grains.cell[grain], grains.next_in_cell[grain], first_in_cell[cell] = cell, first_in_cell[cell], grain
 
 
 @shared
@@ -221,15 +222,15 @@ def nearest(difference: float, period: float) -> float:
 def velocity_of(model: layout.Model, y: Floats) -> Triple:
     """Velocity that belongs to some states."""
     if model.dimensions == 2:
-        return y[2] + both(model.profile, y[1])[0], 0.0, y[3]
-    return y[3] + both(model.profile, y[2])[0], y[4], y[5]
+        return y[2] + velocity_and_shear(model.profile, y[1])[0], 0.0, y[3]
+    return y[3] + velocity_and_shear(model.profile, y[2])[0], y[4], y[5]
 
 
 @shared
 def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: Floats) -> None:
     """Let the positions of a step begin with the velocity of its states, their ends staying as they are.
 
-    A singular step's positions are c₁√θ + …, c₁ of the size of its error: a pair would set out at an infinite velocity.
+    A singular step's positions are c₁√θ + …, c₁ of the size of its error: a pair would start at an infinite velocity.
     """
     d = model.dimensions
     start = velocity_of(model, y)
@@ -250,13 +251,13 @@ def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: 
 
 
 @shared
-def polynomial_of(parts: Parts, domain: Domain | None, crowd: Crowd, grain: int, states: Floats) -> None:
-    """The polynomial of the step in hand; among grains that meet its positions are the integral of a velocity."""
-    numbers = crowd.numbers[grain]
+def polynomial_of(parts: Parts, domain: Domain | None, grains: Grains, grain: int, states: Floats) -> None:
+    """The polynomial of the current step; among grains that meet its positions are the integral of a velocity."""
+    numbers = grains.numbers[grain]
     singular, h = int(numbers[SINGULAR]), numbers[STEP]
-    stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, crowd.values[grain], states)
+    stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, grains.values[grain], states)
     if domain is not None:
-        begin_with(parts.steps.flight.model, singular, h, crowd.y[grain], states)
+        begin_with(parts.steps.flight.model, singular, h, grains.y[grain], states)
 
 
 @shared
@@ -284,14 +285,14 @@ def differentiate(model: layout.Model, singular: int, h: float, course: Course) 
 
 
 @shared
-def course_of(parts: Parts, domain: Domain, crowd: Crowd, grain: int, course: Course) -> None:
-    """The path of the step in hand."""
-    polynomial_of(parts, domain, crowd, grain, course.states)
-    differentiate(parts.steps.flight.model, int(crowd.numbers[grain, SINGULAR]), crowd.numbers[grain, STEP], course)
+def course_of(parts: Parts, domain: Domain, grains: Grains, grain: int, course: Course) -> None:
+    """The path of the current step."""
+    polynomial_of(parts, domain, grains, grain, course.states)
+    differentiate(parts.steps.flight.model, int(grains.numbers[grain, SINGULAR]), grains.numbers[grain, STEP], course)
 
 
 @shared
-def flown(model: layout.Model, course: Course, s: float) -> tuple[Triple, Triple]:
+def place_and_velocity(model: layout.Model, course: Course, s: float) -> tuple[Triple, Triple]:
     """How far a grain has come at s of its step, and its velocity."""
     states, velocity = course.states, course.velocity
     high = model.dimensions - 1
@@ -308,7 +309,7 @@ def flown(model: layout.Model, course: Course, s: float) -> tuple[Triple, Triple
 
 
 @shared
-def turning(course: Course, s: float) -> float:
+def velocity_slope(course: Course, s: float) -> float:
     """|dv/ds| at s of a step, V."""
     velocity = course.velocity
     u, v, w = 0.0, 0.0, 0.0
@@ -321,21 +322,21 @@ def turning(course: Course, s: float) -> float:
 
 
 @shared
-def describe(model: layout.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
+def describe_path(model: layout.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
     length, end = h * share, math.sqrt(share) if singular == 1 else share
-    (u, v, w) = flown(model, course, 0.0)[1]
+    (u, v, w) = place_and_velocity(model, course, 0.0)[1]
     if share > 1e-6:
-        (u, v, w) = flown(model, course, end)[0]
+        (u, v, w) = place_and_velocity(model, course, end)[0]
         u, v, w = u / length, v / length, w / length
     spread, pace, bend, places = 0.0, 0.0, 0.0, 2 * len(course.velocity)
     for k in range(places):
         s = 0.5 * end * (1.0 + math.cos(math.pi * (k + 0.5) / places))
         time = h * s * s if singular == 1 else h * s
-        place, velocity = flown(model, course, s)
+        place, velocity = place_and_velocity(model, course, s)
         spread = max(spread, (place[0] - u * time) ** 2 + (place[1] - v * time) ** 2 + (place[2] - w * time) ** 2)
         pace = max(pace, (velocity[0] - u) ** 2 + (velocity[1] - v) ** 2 + (velocity[2] - w) ** 2)
-        bend = max(bend, turning(course, s))
+        bend = max(bend, velocity_slope(course, s))
     spread, pace, bend = MARGIN * math.sqrt(spread) + 1e-9, MARGIN * math.sqrt(pace) + 1e-9, MARGIN * bend
     across = 0.0 if model.dimensions == 2 else y[1]
     high = model.dimensions - 1
@@ -346,7 +347,7 @@ def describe(model: layout.Model, singular: int, h: float, share: float, y: Floa
 
 
 @shared
-def passes(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> bool:
+def may_touch(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> bool:
     """Whether two paths may come within one diameter in [start, end]."""
     middle = 0.5 * (start + end)
     at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
@@ -368,22 +369,22 @@ def passes(domain: Domain, one: Floats, two: Floats, start: float, end: float) -
     return met
 
 
-# Meetings
+# When two grains meet
 
 
 @shared
-def share_at(crowd: Crowd, grain: int, time: float) -> float:
-    """θ of the step in hand at a time."""
-    numbers = crowd.numbers[grain]
+def share_at(grains: Grains, grain: int, time: float) -> float:
+    """θ of the current step at a time."""
+    numbers = grains.numbers[grain]
     theta: float = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
     return theta
 
 
 @shared
-def at_time(model: layout.Model, crowd: Crowd, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
-    """How far a grain has come at a time of its step in hand, and its velocity."""
-    theta = share_at(crowd, grain, time)
-    return flown(model, course, math.sqrt(theta) if crowd.numbers[grain, SINGULAR] == 1.0 else theta)
+def at_time(model: layout.Model, grains: Grains, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
+    """How far a grain has come at a time of its current step, and its velocity."""
+    theta = share_at(grains, grain, time)
+    return place_and_velocity(model, course, math.sqrt(theta) if grains.numbers[grain, SINGULAR] == 1.0 else theta)
 
 
 @shared
@@ -400,12 +401,12 @@ def image(domain: Domain, one: Floats, two: Floats, start: float, end: float) ->
 
 
 @shared
-def apart(model: layout.Model, crowd: Crowd, i: int, j: int, one: Course, two: Course, shift: tuple[float, float], time: float) -> tuple[float, float]:
+def gap_and_rate(model: layout.Model, grains: Grains, i: int, j: int, one: Course, two: Course, shift: tuple[float, float], time: float) -> tuple[float, float]:
     """Gap between two surfaces and its rate of change."""
     high = model.dimensions - 1
-    first, second = crowd.y[i], crowd.y[j]
-    (a, b, c), (u, v, w) = at_time(model, crowd, i, one, time)
-    (e, f, g), (p, q, r) = at_time(model, crowd, j, two, time)
+    first, second = grains.y[i], grains.y[j]
+    (a, b, c), (u, v, w) = at_time(model, grains, i, one, time)
+    (e, f, g), (p, q, r) = at_time(model, grains, j, two, time)
     x, y, z = second[0] - first[0] + shift[0] + e - a, f - b, second[high] - first[high] + g - c
     if model.dimensions == 3:
         y += second[1] - first[1] + shift[1]
@@ -414,16 +415,16 @@ def apart(model: layout.Model, crowd: Crowd, i: int, j: int, one: Course, two: C
 
 
 @shared
-def fall(age: float, time: float) -> float:
+def root_integral(age: float, time: float) -> float:
     """∫ from 0 to `time` of √(age + t) − √age."""
     value: float = 2.0 / 3.0 * ((age + time) ** 1.5 - age**1.5) - math.sqrt(age) * time
     return value
 
 
 @shared
-def certain(gap: float, rate: float, bend: float, one: float, two: float, age_one: float, age_two: float, left: float) -> float:
-    """How long the gap surely stays open, at most `left`: gap + rate·t − bend·t²/2 − one·fall − two·fall ≥ 0."""
-    if gap + rate * left - 0.5 * bend * left * left - one * fall(age_one, left) - two * fall(age_two, left) >= 0.0:
+def surely_open_for(gap: float, rate: float, bend: float, one: float, two: float, age_one: float, age_two: float, left: float) -> float:
+    """How long the gap surely stays open, at most `left`: gap + rate·t − bend·t²/2 − one·I₁ − two·I₂ ≥ 0, I_k = root_integral(age_k, t)."""
+    if gap + rate * left - 0.5 * bend * left * left - one * root_integral(age_one, left) - two * root_integral(age_two, left) >= 0.0:
         return left
     if one == 0.0 and two == 0.0:
         root = math.sqrt(rate * rate + 2.0 * bend * gap)
@@ -432,7 +433,7 @@ def certain(gap: float, rate: float, bend: float, one: float, two: float, age_on
         return 2.0 * gap / (root - rate) if gap > 0.0 else 0.0
     time = left  # Newton's method comes down to the root from above: the bound is concave
     for _ in range(50):
-        value = gap + rate * time - 0.5 * bend * time * time - one * fall(age_one, time) - two * fall(age_two, time)
+        value = gap + rate * time - 0.5 * bend * time * time - one * root_integral(age_one, time) - two * root_integral(age_two, time)
         slope = rate - bend * time
         slope -= one * (math.sqrt(age_one + time) - math.sqrt(age_one)) + two * (math.sqrt(age_two + time) - math.sqrt(age_two))
         closer = time - value / slope
@@ -444,48 +445,48 @@ def certain(gap: float, rate: float, bend: float, one: float, two: float, age_on
             break
     for _ in range(60):
         time *= 0.999
-        if gap + rate * time - 0.5 * bend * time * time - one * fall(age_one, time) - two * fall(age_two, time) >= 0.0:
+        if gap + rate * time - 0.5 * bend * time * time - one * root_integral(age_one, time) - two * root_integral(age_two, time) >= 0.0:
             return time
         time *= 0.5
     return 0.0
 
 
 @shared
-def meets(gap: float, rate: float, rounding: float) -> bool:
-    """Whether surfaces touch and close in. Pressed together so often that the promise is used up, at any rate."""
-    return gap <= rounding and rate < (0.0 if gap < -0.99 * UNSEEN else -rounding)
+def touch_and_close(gap: float, rate: float, rounding: float) -> bool:
+    """Whether surfaces touch and approach; where they overlap by nearly `DEEPEST_OVERLAP`, at any negative rate."""
+    return gap <= rounding and rate < (0.0 if gap < -0.99 * DEEPEST_OVERLAP else -rounding)
 
 
 @shared
-def meeting(model: layout.Model, domain: Domain, crowd: Crowd, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
+def meeting_time(model: layout.Model, domain: Domain, grains: Grains, i: int, j: int, one: Course, two: Course, start: float, end: float) -> float:
     """When two grains meet in [start, end], infinity if they do not, −t if they do not up to t and it takes too long to see beyond.
 
-    Where they touch without closing in, the next look is when they may have sunk by half of what is left to `UNSEEN`: never beyond.
+    Where they touch without approaching, the next check is when they may overlap by half of what is left to `DEEPEST_OVERLAP`.
     """
-    first, second = crowd.path[i], crowd.path[j]
+    first, second = grains.path[i], grains.path[j]
     shift = image(domain, first, second, start, end)
     rounding = 1e-12 + 1e-14 * abs(end)  # of positions, times and velocities
     speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
     bend = first[BEND] + second[BEND]
     time, earlier = start, start
-    gap, rate = apart(model, crowd, i, j, one, two, shift, time)
+    gap, rate = gap_and_rate(model, grains, i, j, one, two, shift, time)
     for _ in range(1000):
-        if meets(gap, rate, rounding):
+        if touch_and_close(gap, rate, rounding):
             break
         if gap > speed * (end - time):
             return math.inf
         left, age_one, age_two = end - time, max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN])
-        pause = certain(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], age_one, age_two, left)
-        if gap < UNSEEN and rate >= -rounding:
-            spare = max(0.5 * (UNSEEN + min(gap, 0.0)), 1e-16)
-            pause = max(pause, certain(spare, min(rate, 0.0), bend, first[ROOT], second[ROOT], age_one, age_two, left))
+        pause = surely_open_for(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], age_one, age_two, left)
+        if gap < DEEPEST_OVERLAP and rate >= -rounding:
+            spare = max(0.5 * (DEEPEST_OVERLAP + min(gap, 0.0)), 1e-16)
+            pause = max(pause, surely_open_for(spare, min(rate, 0.0), bend, first[ROOT], second[ROOT], age_one, age_two, left))
         pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
         if pause >= left:
             return math.inf
         earlier = time
         time += pause
-        gap, rate = apart(model, crowd, i, j, one, two, shift, time)
-    if not meets(gap, rate, rounding):
+        gap, rate = gap_and_rate(model, grains, i, j, one, two, shift, time)
+    if not touch_and_close(gap, rate, rounding):
         return -time
     if gap < 0.0:  # back to where they began to meet
         late = time
@@ -493,8 +494,8 @@ def meeting(model: layout.Model, domain: Domain, crowd: Crowd, i: int, j: int, o
             time = 0.5 * (earlier + late)
             if not earlier < time < late:
                 break
-            gap, rate = apart(model, crowd, i, j, one, two, shift, time)
-            if meets(gap, rate, rounding):
+            gap, rate = gap_and_rate(model, grains, i, j, one, two, shift, time)
+            if touch_and_close(gap, rate, rounding):
                 late = time
             else:
                 earlier = time
@@ -503,9 +504,9 @@ def meeting(model: layout.Model, domain: Domain, crowd: Crowd, i: int, j: int, o
 
 
 @shared
-def seek(parts: Parts, domain: Domain, crowd: Crowd, first_in_cell: Any, i: int, now: float, courses: Courses) -> None:
-    """Find the earliest encounter of grain i in the step in hand, and make it the next event of both."""
-    path = crowd.path
+def find_encounter(parts: Parts, domain: Domain, grains: Grains, first_in_cell: Any, i: int, now: float, courses: Courses) -> None:
+    """Find the earliest encounter of grain i in the current step, and make it the next event of both."""
+    path = grains.path
     mine = path[i]
     start, best, chosen = max(now, mine[BEGIN]), mine[END], index(-1)
     column, row = math.floor(mine[X] / domain.cell_x), math.floor(mine[Y] / domain.cell_y)
@@ -517,23 +518,23 @@ def seek(parts: Parts, domain: Domain, crowd: Crowd, first_in_cell: Any, i: int,
             j = index(first_in_cell[((column - long + p) % domain.along) * domain.across + (row - wide + q) % domain.across])
             while j >= 0:
                 if j != i:
-                    begin, end = max(start, path[j, BEGIN]), min(best, crowd.clock[j], path[j, END])
-                    if end > begin and passes(domain, mine, path[j], begin, end):
+                    begin, end = max(start, path[j, BEGIN]), min(best, grains.clock[j], path[j, END])
+                    if end > begin and may_touch(domain, mine, path[j], begin, end):
                         if not fitted:
-                            course_of(parts, domain, crowd, i, courses[0])
+                            course_of(parts, domain, grains, i, courses[0])
                             fitted = True
-                        course_of(parts, domain, crowd, j, courses[1])
-                        time = meeting(parts.steps.flight.model, domain, crowd, i, j, courses[0], courses[1], begin, end)
+                        course_of(parts, domain, grains, j, courses[1])
+                        time = meeting_time(parts.steps.flight.model, domain, grains, i, j, courses[0], courses[1], begin, end)
                         if abs(time) < best:
                             best, chosen = abs(time), j if time >= 0.0 else index(-1)
-                j = index(crowd.next_in_cell[j])
+                j = index(grains.next_in_cell[j])
     if chosen < 0:
-        set_event(domain, crowd, i, best, index(crowd.own[i]) if best == mine[END] else SEEK, -1)
+        set_event(domain, grains, i, best, index(grains.own[i]) if best == mine[END] else FIND_ENCOUNTER, -1)
         return
-    if crowd.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to seek again
-        set_event(domain, crowd, index(crowd.partner[chosen]), now, SEEK, -1)
-    set_event(domain, crowd, i, best, ENCOUNTER, chosen)
-    set_event(domain, crowd, chosen, best, ENCOUNTER, i)
+    if grains.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to search again
+        set_event(domain, grains, index(grains.partner[chosen]), now, FIND_ENCOUNTER, -1)
+    set_event(domain, grains, i, best, ENCOUNTER, chosen)
+    set_event(domain, grains, chosen, best, ENCOUNTER, i)
 
 
 # Steps
@@ -554,136 +555,136 @@ def copy_rows(source: Floats, target: Floats) -> None:
 
 
 @shared
-def take(crowd: Crowd, i: int, g: loop.Flight) -> None:
-    """Take a grain in hand."""
+def load_grain(grains: Grains, i: int, g: loop.Flight) -> None:
+    """Load a grain into the arrays that steps work on."""
     p, state = g.parts, g.parts.state
-    copy_row(crowd.y[i], state.y)
-    copy_row(crowd.rate[i], state.rate)
-    copy_rows(crowd.past[i], state.past)
-    copy_row(crowd.jump[i], state.jump)
-    copy_rows(crowd.diagonal[i], state.jacobian)
-    copy_row(crowd.numbers[i], state.numbers)
-    copy_row(crowd.spin[i], p.equation.own)
-    copy_row(crowd.flight[i], g.account)
-    copy_rows(crowd.values[i], p.values)
+    copy_row(grains.y[i], state.y)
+    copy_row(grains.rate[i], state.rate)
+    copy_rows(grains.past[i], state.past)
+    copy_row(grains.jump[i], state.jump)
+    copy_rows(grains.diagonal[i], state.jacobian)
+    copy_row(grains.numbers[i], state.numbers)
+    copy_row(grains.spin[i], p.equation.own)
+    copy_row(grains.flight[i], g.account)
+    copy_rows(grains.values[i], p.values)
 
 
 @shared
-def put(crowd: Crowd, i: int, g: loop.Flight) -> None:
+def store_grain(grains: Grains, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what taking a step has changed."""
     p, state = g.parts, g.parts.state
-    copy_row(state.y, crowd.y[i])
-    copy_row(state.rate, crowd.rate[i])
-    copy_rows(state.past, crowd.past[i])
-    copy_row(state.jump, crowd.jump[i])
-    copy_row(state.numbers, crowd.numbers[i])
-    copy_row(p.equation.own, crowd.spin[i])
-    copy_row(g.account, crowd.flight[i])
+    copy_row(state.y, grains.y[i])
+    copy_row(state.rate, grains.rate[i])
+    copy_rows(state.past, grains.past[i])
+    copy_row(state.jump, grains.jump[i])
+    copy_row(state.numbers, grains.numbers[i])
+    copy_row(p.equation.own, grains.spin[i])
+    copy_row(g.account, grains.flight[i])
 
 
 @shared
-def put_step(crowd: Crowd, i: int, g: loop.Flight) -> None:
+def store_step(grains: Grains, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what finding a step has changed."""
     p = g.parts
-    copy_rows(p.state.jacobian, crowd.diagonal[i])
-    copy_row(p.state.numbers, crowd.numbers[i])
-    copy_rows(p.values, crowd.values[i])
+    copy_rows(p.state.jacobian, grains.diagonal[i])
+    copy_row(p.state.numbers, grains.numbers[i])
+    copy_rows(p.values, grains.values[i])
 
 
 @shared
-def plan(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, logs: Logs, i: int, courses: Courses) -> int:
-    """Find the next step of the grain in hand: ACCEPTED, or why not. Its polynomial is left in the room.
+def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, logs: Logs, i: int, courses: Courses) -> int:
+    """Find the next step of the loaded grain: ACCEPTED, or why not. Its polynomial is left in the work space.
 
-    A search that a missing table interrupts goes on where it was (AGAIN, ROUGH): the step must not depend on which tables there were.
+    A search that a missing table interrupts goes on where it was (RESUME, ROUGH_STEP): the step must not depend on which tables there were.
     """
     steps = parts.steps
     g, p = steps.flight, steps.flight.parts
     model, problem, state, numbers, signal, polynomial = g.model, p.problem, p.state, p.state.numbers, p.room.signal, p.room.polynomial
     if numbers[TIME] - g.account[layout.START] > g.limits.longest:
         return layout.ALOFT
-    if numbers[STEPS] == 0.0 and crowd.kind[i] == PLAN and g.bed.highest > -math.inf:
+    if numbers[STEPS] == 0.0 and grains.kind[i] == FIND_STEP and g.bed.highest > -math.inf:
         loop.set_tolerance(g, math.inf)
     while True:
         code = ACCEPTED
-        if crowd.kind[i] != ROUGH:
+        if grains.kind[i] != ROUGH_STEP:
             call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
             code = int(signal[0, 0])
             if code == TABLE:
-                crowd.kind[i] = AGAIN
+                grains.kind[i] = RESUME
             elif domain is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
                 # what happens between two contacts that follow each other more closely than that cannot be resolved
                 numbers[STEP] = 8.0 * problem.floor
-                crowd.kind[i] = ROUGH
-        if crowd.kind[i] == ROUGH:
+                grains.kind[i] = ROUGH_STEP
+        if grains.kind[i] == ROUGH_STEP:
             call(parts.rough, 0.0, signal, 0, signal, 0, signal)
             code = int(signal[0, 0])
             if code == ACCEPTED:
-                crowd.kind[i] = PLAN
+                grains.kind[i] = FIND_STEP
                 logs.count[3] += 1
-        put_step(crowd, i, g)
+        store_step(grains, i, g)
         if code != ACCEPTED:
             return code
         h, singular = numbers[STEP], int(numbers[SINGULAR])
-        polynomial_of(parts, domain, crowd, i, polynomial)
+        polynomial_of(parts, domain, grains, i, polynomial)
         call(steps.look, float(g.bed.grain + i), signal, 0, signal, 0, signal)
         contact, kink = signal[0, 0], signal[0, 1]
         share = min(contact, kink, 1.0)
-        crowd.share[i] = share
-        crowd.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
-        path = crowd.path[i]
+        grains.share[i] = share
+        grains.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
+        path = grains.path[i]
         path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
         if domain is None:
             return ACCEPTED
         differentiate(model, singular, h, courses[0])
-        reach = describe(model, singular, h, share, state.y, courses[0], path)
+        reach = describe_path(model, singular, h, share, state.y, courses[0], path)
         if reach <= REACH:
-            enter_cell(domain, crowd, first_in_cell, i)
+            enter_cell(domain, grains, first_in_cell, i)
             return ACCEPTED
         numbers[STEP] = 0.9 * h * share * REACH / reach
 
 
 @shared
-def write_samples(model: layout.Model, crowd: Crowd, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
-    """Samples of the step in hand up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
+def write_samples(model: layout.Model, grains: Grains, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
+    """Samples of the current step up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = model.dimensions
-    while crowd.sample[i] * samples.interval <= until and crowd.sample[i] - samples.first[0] < len(samples.values):
-        theta = share_at(crowd, i, crowd.sample[i] * samples.interval)
-        all_at(polynomial, crowd.y[i], int(crowd.numbers[i, SINGULAR]), theta, row)
-        kept = samples.values[crowd.sample[i] - samples.first[0], i]
+    while grains.sample[i] * samples.interval <= until and grains.sample[i] - samples.first[0] < len(samples.values):
+        theta = share_at(grains, i, grains.sample[i] * samples.interval)
+        all_at(polynomial, grains.y[i], int(grains.numbers[i, SINGULAR]), theta, row)
+        kept = samples.values[grains.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
-        kept[d] += both(model.profile, kept[d - 1])[0]
-        crowd.sample[i] += 1
+        kept[d] += velocity_and_shear(model.profile, kept[d - 1])[0]
+        grains.sample[i] += 1
 
 
 @shared
-def cut_at(parts: Parts, crowd: Crowd, samples: Samples, i: int, now: float, theta: float) -> None:
-    """Take the step of the grain in hand up to θ, at time `now`; its polynomial is in the room."""
+def cut_at(parts: Parts, grains: Grains, samples: Samples, i: int, now: float, theta: float) -> None:
+    """Take the step of the loaded grain up to θ, at time `now`; its polynomial is in the work space."""
     g, p = parts.steps.flight, parts.steps.flight.parts
     numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
-    write_samples(g.model, crowd, samples, i, polynomial, now, p.room.before)
-    contact.watch(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
+    write_samples(g.model, grains, samples, i, polynomial, now, p.room.before)
+    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
     call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
     numbers[TIME] = now
 
 
 @shared
-def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> int:
-    """Take the step of the grain in hand to its own end: ACCEPTED or REST. Its polynomial is in the room."""
-    now = crowd.path[i, END]
+def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int) -> int:
+    """Take the step of the loaded grain to its own end: ACCEPTED or REST. Its polynomial is in the work space."""
+    now = grains.path[i, END]
     g, p = parts.steps.flight, parts.steps.flight.parts
     state, numbers, signal, model = p.state, p.state.numbers, p.room.signal, g.model
-    if crowd.own[i] == STEP_END:
+    if grains.own[i] == STEP_END:
         singular, h = int(numbers[SINGULAR]), numbers[STEP]
-        write_samples(model, crowd, samples, i, p.room.polynomial, now, p.room.before)
-        contact.watch(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        write_samples(model, grains, samples, i, p.room.polynomial, now, p.room.before)
+        contact.record_top_and_turning(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
             p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
-    cut_at(parts, crowd, samples, i, now, crowd.share[i])
-    if crowd.own[i] == KINK:
-        equations.cross(model, p)
+    cut_at(parts, grains, samples, i, now, grains.share[i])
+    if grains.own[i] == KINK:
+        equations.cross_kink(model, p)
         return ACCEPTED
     count = logs.count
     row = index(count[0])
@@ -694,19 +695,19 @@ def finish(parts: Parts, crowd: Crowd, samples: Samples, logs: Logs, i: int) -> 
 
 
 @shared
-def collide(parts: Parts, domain: Domain, crowd: Crowd, i: int, j: int, time: float, row: Floats) -> None:
+def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: float, row: Floats) -> None:
     """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
     g, p = parts.steps.flight, parts.steps.flight.parts
     model = g.model
     d = model.dimensions
-    first, second = crowd.y[i], crowd.y[j]
+    first, second = grains.y[i], grains.y[j]
     x, z = nearest(second[0] - first[0], domain.length), second[d - 1] - first[d - 1]
     y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], domain.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
-    stream_one, stream_two = both(model.profile, first[d - 1])[0], both(model.profile, second[d - 1])[0]
+    stream_one, stream_two = velocity_and_shear(model.profile, first[d - 1])[0], velocity_and_shear(model.profile, second[d - 1])[0]
     u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
-    spin_one, spin_two = contact.spin_of(model, first, crowd.spin[i]), contact.spin_of(model, second, crowd.spin[j])
+    spin_one, spin_two = contact.spin_of(model, first, grains.spin[i]), contact.spin_of(model, second, grains.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = domain.restitution
     if closing > 0.0 and restitution * closing < domain.minimum_separation_speed:
@@ -721,114 +722,116 @@ def collide(parts: Parts, domain: Domain, crowd: Crowd, i: int, j: int, time: fl
         row[35 + k] = after[4][k]
     for side in range(2):
         grain = i if side == 0 else j
-        take(crowd, grain, g)
+        load_grain(grains, grain, g)
         k = 23 + 3 * side
-        contact.rebounded(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
         if not g.limits.prescribed:
-            contact.turn(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
-        put(crowd, grain, g)
+            contact.set_spin(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+        store_grain(grains, grain, g)
 
 
 @shared
-def collapsing(domain: Domain, crowd: Crowd, grain: int, now: float) -> bool:
+def collapsing(domain: Domain, grains: Grains, grain: int, now: float) -> bool:
     """Whether a grain has had too many encounters within one d/V."""
-    if now - crowd.counting_since[grain] > 1.0:
-        crowd.counting_since[grain], crowd.encounter_count[grain] = now, 0
-    crowd.encounter_count[grain] += 1
-    many: bool = crowd.encounter_count[grain] > domain.collapse_limit
+    if now - grains.counting_since[grain] > 1.0:
+        grains.counting_since[grain], grains.encounter_count[grain] = now, 0
+    grains.encounter_count[grain] += 1
+    many: bool = grains.encounter_count[grain] > domain.collapse_limit
     return many
 
 
 @shared
-def encounter(parts: Parts, domain: Domain, crowd: Crowd, samples: Samples, logs: Logs, i: int, now: float, courses: Courses) -> int:
+def encounter(parts: Parts, domain: Domain, grains: Grains, samples: Samples, logs: Logs, i: int, now: float, courses: Courses) -> int:
     """Two grains meet: ACCEPTED or PILE_UP."""
-    j, model = index(crowd.partner[i]), parts.steps.flight.model
+    j, model = index(grains.partner[i]), parts.steps.flight.model
     for side in range(2):
         grain = i if side == 0 else j
-        if collapsing(domain, crowd, grain, now):
+        if collapsing(domain, grains, grain, now):
             logs.count[2] = grain
             return PILE_UP
     row = logs.encounters[logs.count[1]]
     for side in range(2):
         grain = i if side == 0 else j
-        course_of(parts, domain, crowd, grain, courses[0])
-        velocity = at_time(model, crowd, grain, courses[0], now)[1]
+        course_of(parts, domain, grains, grain, courses[0])
+        velocity = at_time(model, grains, grain, courses[0], now)[1]
         row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
-        take(crowd, grain, parts.steps.flight)
-        cut_at(parts, crowd, samples, grain, now, share_at(crowd, grain, now))
-        put(crowd, grain, parts.steps.flight)
-    collide(parts, domain, crowd, i, j, now, row)
+        load_grain(grains, grain, parts.steps.flight)
+        cut_at(parts, grains, samples, grain, now, share_at(grains, grain, now))
+        store_grain(grains, grain, parts.steps.flight)
+    collide(parts, domain, grains, i, j, now, row)
     logs.count[1] += 1
-    set_event(domain, crowd, i, now, PLAN, -1)
-    set_event(domain, crowd, j, now, PLAN, -1)
+    set_event(domain, grains, i, now, FIND_STEP, -1)
+    set_event(domain, grains, j, now, FIND_STEP, -1)
     return ACCEPTED
 
 
 @shared
-def depart(domain: Domain | None, crowd: Crowd, first_in_cell: Any, i: int) -> None:
-    """Take a grain out of the run."""
-    set_event(domain, crowd, i, math.inf, GONE, -1)
+def leave_run(domain: Domain | None, grains: Grains, first_in_cell: Any, i: int) -> None:
+    """Remove a grain from the run."""
+    set_event(domain, grains, i, math.inf, GONE, -1)
     if domain is not None:
-        leave_cell(crowd, first_in_cell, i)
+        leave_cell(grains, first_in_cell, i)
 
 
 @shared
-def serve(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, samples: Samples, logs: Logs, i: int, courses: Courses, at_hand: bool) -> int:
-    """Serve a grain's next event: ACCEPTED, or why the caller is needed. `at_hand`: it was the last to be served, its polynomial is in the room."""
-    now, kind, g = crowd.clock[i], index(crowd.kind[i]), parts.steps.flight
-    if kind in (PLAN, AGAIN, ROUGH):
-        if not at_hand:
-            take(crowd, i, g)
-        code = plan(parts, domain, crowd, first_in_cell, logs, i, courses)
+def handle_event(
+    parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, samples: Samples, logs: Logs, i: int, courses: Courses, loaded: bool
+) -> int:
+    """Handle a grain's next event: ACCEPTED, or why the caller is needed. `loaded`: it was the last one, its polynomial is in the work space."""
+    now, kind, g = grains.clock[i], index(grains.kind[i]), parts.steps.flight
+    if kind in (FIND_STEP, RESUME, ROUGH_STEP):
+        if not loaded:
+            load_grain(grains, i, g)
+        code = find_step(parts, domain, grains, first_in_cell, logs, i, courses)
         if code != ACCEPTED:
             logs.count[2] = i
             if code == layout.ALOFT:
-                depart(domain, crowd, first_in_cell, i)
+                leave_run(domain, grains, first_in_cell, i)
             return code
         if domain is None:
-            set_event(domain, crowd, i, crowd.path[i, END], index(crowd.own[i]), -1)
+            set_event(domain, grains, i, grains.path[i, END], index(grains.own[i]), -1)
             return ACCEPTED
     if domain is not None:
-        if kind in (PLAN, AGAIN, ROUGH, SEEK):
-            seek(parts, domain, crowd, first_in_cell, i, now, courses)
+        if kind in (FIND_STEP, RESUME, ROUGH_STEP, FIND_ENCOUNTER):
+            find_encounter(parts, domain, grains, first_in_cell, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:
             if logs.count[1] >= len(logs.encounters):
                 return ENCOUNTERS_FULL
-            return encounter(parts, domain, crowd, samples, logs, i, now, courses)
+            return encounter(parts, domain, grains, samples, logs, i, now, courses)
     if kind == IMPACT and logs.count[0] >= len(logs.jumps):
         return JUMPS_FULL
-    if not at_hand:
-        take(crowd, i, g)
-        polynomial_of(parts, domain, crowd, i, g.parts.room.polynomial)
-    code = finish(parts, crowd, samples, logs, i)
-    put(crowd, i, g)
+    if not loaded:
+        load_grain(grains, i, g)
+        polynomial_of(parts, domain, grains, i, g.parts.room.polynomial)
+    code = take_step(parts, grains, samples, logs, i)
+    store_grain(grains, i, g)
     if code == layout.REST:
         logs.count[2] = i
-        depart(domain, crowd, first_in_cell, i)
+        leave_run(domain, grains, first_in_cell, i)
         return code
-    set_event(domain, crowd, i, now, PLAN, -1)
+    set_event(domain, grains, i, now, FIND_STEP, -1)
     return ACCEPTED
 
 
 def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(parts: Parts, domain: Domain | None, crowd: Crowd, first_in_cell: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
-        """Serve events up to `until`: UNTIL, or why the caller is needed."""
+    def advance(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
+        """Handle events up to `until`: UNTIL, or why the caller is needed."""
         digest  # noqa: B018 - part of the cache key
         if domain is None:
-            for i in range(len(crowd.clock)):
-                at_hand = False
-                while crowd.clock[i] <= until:
-                    code = serve(parts, domain, crowd, first_in_cell, samples, logs, i, courses, at_hand)
+            for i in range(len(grains.clock)):
+                loaded = False
+                while grains.clock[i] <= until:
+                    code = handle_event(parts, domain, grains, first_in_cell, samples, logs, i, courses, loaded)
                     if code != ACCEPTED:
                         return code
-                    at_hand = True
+                    loaded = True
             return UNTIL
         while True:
-            grain = index(crowd.heap[0])
-            if not crowd.clock[grain] <= until or crowd.kind[grain] == GONE:
+            grain = index(grains.heap[0])
+            if not grains.clock[grain] <= until or grains.kind[grain] == GONE:
                 return UNTIL
-            code = serve(parts, domain, crowd, first_in_cell, samples, logs, grain, courses, False)
+            code = handle_event(parts, domain, grains, first_in_cell, samples, logs, grain, courses, False)
             if code != ACCEPTED:
                 return code
 
@@ -839,14 +842,14 @@ advance = compiled(_make_advance, allocates=False, usually="some 20 s")
 
 
 def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts: Parts, domain: Domain | None, crowd: Crowd, samples: Samples, until: float) -> None:
-        """Write all samples up to `until`, which every step in hand reaches."""
+    def flush(parts: Parts, domain: Domain | None, grains: Grains, samples: Samples, until: float) -> None:
+        """Write all samples up to `until`, which every current step reaches."""
         digest  # noqa: B018 - part of the cache key
         g, room = parts.steps.flight, parts.steps.flight.parts.room
-        for i in range(len(crowd.clock)):
-            if crowd.kind[i] != GONE and crowd.sample[i] * samples.interval <= until:
-                polynomial_of(parts, domain, crowd, i, room.polynomial)
-                write_samples(g.model, crowd, samples, i, room.polynomial, until, room.before)
+        for i in range(len(grains.clock)):
+            if grains.kind[i] != GONE and grains.sample[i] * samples.interval <= until:
+                polynomial_of(parts, domain, grains, i, room.polynomial)
+                write_samples(g.model, grains, samples, i, room.polynomial, until, room.before)
 
     return flush
 
@@ -854,8 +857,8 @@ def _make_flush(digest: str) -> Callable[..., Any]:
 flush = compiled(_make_flush, allocates=False)
 
 
-def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int) -> Crowd:
-    """Room for so many grains, all about to plan their first step."""
+def empty_grains(number: int, states: int, members: int, terms: int, stages: int) -> Grains:
+    """Room for so many grains, without a step yet."""
     shapes: dict[str, tuple[int, ...]] = {
         "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (stepper.NUMBERS,), "spin": (4,), "flight": (14,),
         "values": (stages, states), "diagonal": (1, states), "share": (), "path": (12,),
@@ -866,10 +869,10 @@ def empty_crowd(grains: int, states: int, members: int, terms: int, stages: int)
         "kind": np.int8,
         "own": np.int8,
     }
-    arrays: dict[str, Any] = {name: np.zeros((grains, *shape)) for name, shape in shapes.items()}
-    arrays |= {name: np.zeros(grains, dtype=kind) for name, kind in whole.items()}
+    arrays: dict[str, Any] = {name: np.zeros((number, *shape)) for name, shape in shapes.items()}
+    arrays |= {name: np.zeros(number, dtype=kind) for name, kind in whole.items()}
     for name in ("partner", "cell", "next_in_cell"):
         arrays[name][:] = -1
-    arrays["kind"][:] = PLAN
-    arrays["heap"][:] = arrays["place"][:] = np.arange(grains)
-    return Crowd(**arrays)
+    arrays["kind"][:] = FIND_STEP
+    arrays["heap"][:] = arrays["place"][:] = np.arange(number)
+    return Grains(**arrays)

@@ -1,4 +1,4 @@
-"""Contact with the bed: when a step meets it, the account of a flight, and what a rebound does to the state and its memory."""
+"""Contact with the bed: when a step meets it, the record of a flight, and what a rebound does to the state and its memory."""
 
 from __future__ import annotations
 
@@ -7,17 +7,10 @@ from typing import Any
 
 from basset._compile import entry, shared
 from basset.kernels import Floats
-from basset.solvers.stepper import (
-    FIRST,
-    TIME,
-    Problem,
-    State,
-    at,
-    restart,
-)
+from basset.solvers.stepper import FIRST, TIME, Problem, State, at, restart
 from saltation._random import Draws
 from saltation.bed.rebound import strike
-from saltation.bed.roughness import facing
+from saltation.bed.roughness import contact_plane
 from saltation.flight.layout import (
     NOTHING,
     RESET,
@@ -35,17 +28,17 @@ from saltation.flight.layout import (
     Y,
     Z,
 )
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
 
-def struck(rebound: Any, t: float, y: Any, out: Any, own: Any) -> None:
-    """What a contact makes of normal, velocity and spin (9,): velocity, spin and impulse (9,), into `out`."""
+def rebound_into(rebound: Any, t: float, y: Any, out: Any, own: Any) -> None:
+    """Velocity, spin and impulse (9,) after a contact, into `out`, from normal, velocity and spin before it (9,)."""
     after = strike(rebound, (y[0], y[1], y[2]), (y[3], y[4], y[5]), (y[6], y[7], y[8]))
     out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8] = after
 
 
-rebound_entry = entry(struck)
+rebound_entry = entry(rebound_into)
 
 
 @shared
@@ -56,9 +49,9 @@ def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta:
     w = at(polynomial, y, kind, theta, 2 * d - 1)
     if z >= bed.highest:
         return max(z - bed.highest, w) + 1e-300
-    u = at(polynomial, y, kind, theta, d) + both(model.profile, z)[0]
+    u = at(polynomial, y, kind, theta, d) + velocity_and_shear(model.profile, z)[0]
     v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1)
-    plane = facing(bed.roughness, u, v, w, draws)
+    plane = contact_plane(bed.roughness, u, v, w, draws)
     return max(z - plane[1], w)
 
 
@@ -119,7 +112,7 @@ def root_of_gap(
 
 
 @shared
-def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
+def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
     """Keep the highest point and the turning of the flight up to θ of the step."""
     d = model.dimensions
     before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
@@ -145,13 +138,13 @@ def watch(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, thet
 
 @shared
 def take_off(flight: Floats, time: float, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
-    """Start the account of a new flight."""
+    """Start the record of a new flight."""
     flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = time, x, y, z, z
     flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
 
 
 @shared
-def forget(kept: Floats, when: Floats, rates: Floats, state: State, done: int) -> None:
+def drop_oldest_impact(kept: Floats, when: Floats, rates: Floats, state: State, done: int) -> None:
     """Take out of the memory what came before the oldest impact that is still to be remembered, and mark this one.
 
     Exponentials decay alike whatever they hold, so what came before an impact is a copy made there, decayed since.
@@ -189,8 +182,8 @@ def spin_of(model: Model, s: Floats, spin: Floats) -> Triple:
 
 
 @shared
-def turn(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: float) -> None:
-    """Give a grain in the states s a new spin."""
+def set_spin(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: float) -> None:
+    """Set the spin of a grain in the states s."""
     if model.spins == 0:
         spin[0], spin[1], spin[2] = ox, oy, oz
     elif model.dimensions == 2:
@@ -200,8 +193,8 @@ def turn(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: float)
 
 
 @shared
-def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
-    """Give the grain a new velocity after a contact: the memory makes of the jump what the scene says, and steps start small."""
+def apply_rebound(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
+    """Set the velocity after a contact, with the scene's treatment of the history force; steps start small."""
     d = model.dimensions
     s, numbers = state.y, state.numbers
     if len(problem.where) > 0:
@@ -213,7 +206,7 @@ def rebounded(model: Model, memory: Memory, problem: Problem, state: State, stre
             state.jump[0], state.jump[d - 1] = u - stream, w
             if model.dimensions == 3:
                 state.jump[1] = v
-        else:  # a jump that no step has taken up yet still counts
+        else:  # added to a jump that no step has used yet
             state.jump[0] += u - stream - s[d]
             state.jump[d - 1] += w - s[2 * d - 1]
             if model.dimensions == 3:

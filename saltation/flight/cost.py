@@ -1,4 +1,4 @@
-"""What a scene costs, before it is run: work is shared out by it."""
+"""Estimated cost of a scene, by which work is divided among workers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 from saltation.scene import Scene
 
 CHUNK = 4000  # jumps that a worker gets at a time, about half a second
-FIXED_STEP_COST = 50  # a jump at fixed steps costs about as many of the collocation's
-FLIGHT = 1.5  # d/u*, about that of a jump
+FIXED_STEP_COST = 50  # of a jump at fixed steps, in jumps by collocation
+FLIGHT = 1.5  # d/u*: typical duration of a jump
 
 
 def cost_of(scene: Scene) -> float:

@@ -1,7 +1,7 @@
 """The equation of motion of a grain, and the kinks of the stream it moves in.
 
 States y are x, [y,] z, slip u − u_f in the same directions, and the spin where it is integrated (ω_y in the plane, all
-three in space): what a scene does not name is not there. Slips, not velocities, because they are what the history acts on;
+three in space); effects that a scene does not name add no state. Slips, not velocities, because they are what the history acts on;
 at an impact both jump alike. Up to a level at which the stream, or the lift by it, has a kink a step sees the stream continued smoothly.
 """
 
@@ -14,20 +14,12 @@ from typing import Any, NamedTuple
 from basset._compile import compiled, entry, overloads, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
-from basset.solvers.stepper import (
-    JUMPED,
-    STEP,
-    TIME,
-    at,
-    restart,
-)
+from basset.solvers.stepper import JUMPED, STEP, TIME, at, restart
 from saltation.effects.base import Situation, force, torque, total_force
-from saltation.flight.layout import (
-    Model,
-)
+from saltation.flight.layout import Model
 from saltation.flow import continued
 
-BESIDE = 1e-9  # d: as near to a kink as that is at it
+BESIDE = 1e-9  # d: a grain this near to a kink is at it
 
 
 class Equation(NamedTuple):
@@ -136,7 +128,7 @@ def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, fall
 
 
 @shared
-def cross(model: Model, p: stepper.Parts) -> None:
+def cross_kink(model: Model, p: stepper.Parts) -> None:
     """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
     numbers, own, z = p.state.numbers, p.equation.own, p.state.y[model.dimensions - 1]
     k = int(own[3])

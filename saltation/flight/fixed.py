@@ -1,7 +1,7 @@
 """Flights at fixed steps, with any scheme of `basset.SCHEMES`: what the thesis does (RK4, history held), and an implicit step.
 
-Here to compare with: an impact snaps to the first node behind it, so everything is first order in dt at best. The loop is that of
-`basset.solvers._fixed`: here is what it steps, and what happens at a node and at an impact.
+For comparison only: an impact is moved to the first node behind it, so everything is first order in dt at best. The loop is that of
+`basset.solvers._fixed`; here are the equation, and what happens at a node and at an impact.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
 from saltation._random import uniforms
-from saltation.bed.roughness import facing
+from saltation.bed.roughness import contact_plane
 from saltation.flight import equations, layout
 from saltation.flight.setup import Engine, Grain, empty_record
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 
-IMPACT = 32  # why the loop came back, beside its own codes and those of a flight
+IMPACT = 32  # why the loop returns, beside its own codes and those of a flight
 ROWS = 4096
 
 
@@ -48,8 +48,8 @@ def rates_in_layer(parts: Layered, t: float, y: Any, out: Any, own: Any) -> None
 layered_entry = entry(rates_in_layer)
 
 
-class Look(NamedTuple):
-    """What the end of a step is judged by."""
+class NodeCheck(NamedTuple):
+    """What the check at every node needs."""
 
     model: layout.Model
     bed: layout.Bed
@@ -63,7 +63,7 @@ class Look(NamedTuple):
 
 
 @shared
-def ahead(t: float, dt: float, end: float, horizon: float, longest: float, start: float) -> int:
+def reason_to_stop(t: float, dt: float, end: float, horizon: float, longest: float, start: float) -> int:
     """Why no step may follow at t; ACCEPTED if one may."""
     if t >= end * (1.0 - 1e-12):
         return stepper.END
@@ -72,8 +72,8 @@ def ahead(t: float, dt: float, end: float, horizon: float, longest: float, start
     return layout.HORIZON if t + dt > horizon else stepper.ACCEPTED
 
 
-def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
-    """Account of the flight at the newest node, at time t; whether it goes on, into out[0]."""
+def checked(parts: NodeCheck, t: float, y: Any, out: Any, own: Any) -> None:
+    """Update the record of the flight at the newest node, at time t; into out[0] whether it goes on."""
     model, bed, state, account, record, dt = parts.model, parts.bed, parts.state, parts.flight, parts.record, parts.dt
     s, before, rates, d, row = state.y, state.before, state.recent, model.dimensions, int(state.numbers[DONE]) - 1
     ends = t > parts.end * (1.0 + 1e-12)
@@ -92,20 +92,20 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
     if model.spins > 0:
         turns = 4 if d == 2 else 7
         account[layout.TURNED] += 0.5 * dt * (before[0, turns] + s[turns])
-    out[0] = stepper.END if ends else ahead(t, dt, parts.end, parts.horizon, parts.longest, account[layout.START])
+    out[0] = stepper.END if ends else reason_to_stop(t, dt, parts.end, parts.horizon, parts.longest, account[layout.START])
     if not ends and w <= 0.0 and s[d - 1] < bed.highest:
         draws = uniforms(bed.seed, bed.grain, int(account[layout.IMPACTS]))
-        u = s[d] + both(model.profile, s[d - 1])[0]
+        u = s[d] + velocity_and_shear(model.profile, s[d - 1])[0]
         v = 0.0 if d == 2 else s[d + 1]
-        if s[d - 1] <= facing(bed.roughness, u, v, w, draws)[1]:
+        if s[d - 1] <= contact_plane(bed.roughness, u, v, w, draws)[1]:
             out[0] = IMPACT
 
 
-look_entry = entry(looked)
+check_entry = entry(checked)
 
 
 class FixedGrain(Grain):
-    """One grain under way at fixed steps."""
+    """One grain during a run at fixed steps."""
 
     def __init__(self, engine: Engine) -> None:
         super().__init__(engine)
@@ -120,20 +120,20 @@ class FixedGrain(Grain):
         self._steps = _fixed.state_of(self.state.y, m, degree)
         fun, layered = layered_entry(Layered(engine.model, self.spin, np.zeros((2, n))))
         self._limits = dt, engine.problem.end, self.memory.horizon, engine.limits.longest
-        look, looked = look_entry(Look(engine.model, self.bed, *self._limits[1:], dt, self._steps, self.flight, self.record))
+        check, checked = check_entry(NodeCheck(engine.model, self.bed, *self._limits[1:], dt, self._steps, self.flight, self.record))
         problem, nothing, room = engine.problem, np.zeros((0, 0)), _fixed.room(1, n, m)
         equation = _fixed.Equation(fun, self.spin, problem.where, problem.strength, np.zeros(n, dtype=np.bool_), -math.inf, math.inf)
         kind = _fixed.HELD if scene.solver.method == "runge_kutta_4" else _fixed.RATES
         grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1)
         stream = _fixed.stream_of(self.plan, self.samples)
-        self._parts = placed(_fixed.Parts(equation, grid, stream, self._steps, room, room, self.record, look, 1, np.zeros((1, 1))))
+        self._parts = placed(_fixed.Parts(equation, grid, stream, self._steps, room, room, self.record, check, 1, np.zeros((1, 1))))
         given = engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values
         self._struck, struck = engine.steps(*given, empty_record(0, 0, n), np.zeros((1, 0)), problem)
-        self._kept = layered, looked, struck  # what addresses point to
+        self._kept = layered, checked, struck  # what addresses point to
         self._depart(True)
 
     def _depart(self, anew: bool) -> None:
-        """Set out from the state with the slip's jump, the memory being empty or not."""
+        """Start from the state with its jump of the slip; `anew`: with an empty memory."""
         engine, state, samples, numbers = self.engine, self.state, self.samples, self._steps.numbers
         d, m, rate = engine.dimensions, engine.members, np.zeros(engine.states)
         self.spin[3] = equations.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
@@ -153,7 +153,7 @@ class FixedGrain(Grain):
         """Fly to the next impact, or until the record, which is its own, is full. (code, steps recorded)."""
         numbers, time = self._steps.numbers, self.state.numbers
         numbers[DONE] = 0.0
-        code = ahead(time[stepper.TIME], *self._limits, self.flight[layout.START])
+        code = reason_to_stop(time[stepper.TIME], *self._limits, self.flight[layout.START])
         if code == stepper.ACCEPTED:
             code = _fixed.steps(self._parts, 1 << 62)
         done = int(numbers[DONE])
@@ -161,7 +161,7 @@ class FixedGrain(Grain):
             time[stepper.TIME] = self.record.times[done - 1]
         if code == IMPACT:
             signal = np.zeros(2)
-            self.state.jump[:] = 0.0  # the stream has taken it up
+            self.state.jump[:] = 0.0  # already in the memory
             invoke(self._struck.land, float(self.bed.grain), signal, jumps[0], signal)
             code = int(signal[0])
             self._depart(self.memory.rebound in (layout.RESTART, layout.RESET))

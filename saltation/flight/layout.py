@@ -1,4 +1,4 @@
-"""What a flight is made of: the places and tables that compiled code and the rest of the simulator have in common."""
+"""The data of a flight: indices and tables that compiled code shares with the rest of the simulator."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 from basset.kernels import Floats
 
-SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones are none
+SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones do not count as flights
 
-# why `fly` came back, beside the codes of basset's march
+# why `fly` returns, beside the codes of `basset.solvers.stepper`
 JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 
 # places in `flight`
@@ -31,7 +31,7 @@ ENCOUNTER_COLUMNS = (
     "impulse_x", "impulse_y", "impulse_z",
 )  # fmt: skip
 
-IMPULSE, RESTART, RESET, NOTHING = range(4)  # what the memory does at an impact
+IMPULSE, RESTART, RESET, NOTHING = range(4)  # treatment of the history force at an impact
 
 
 class Model(NamedTuple):
@@ -49,7 +49,7 @@ class Model(NamedTuple):
 
 
 class Bed(NamedTuple):
-    """Rebound, to be called; roughness, the highest contact (−∞ where there is no bed), and who draws."""
+    """Rebound, to be called; roughness, the highest contact (−∞ where there is no bed), and the seed and grain of its random numbers."""
 
     rebound: Any
     roughness: Any
@@ -59,8 +59,8 @@ class Bed(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the memory does at an impact, how long it holds; for a memory of so many jumps what came before each of them (jump, memory, terms) and
-    when that was (jump,), both empty without such a limit.
+    """Treatment of the history force at an impact, how long the memory reaches; for a memory of so many jumps what came before each of them
+    (jump, memory, terms) and when that was (jump,), both empty without such a limit.
     """
 
     rebound: int
@@ -70,7 +70,7 @@ class Memory(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """A flight this long never comes down; flights this short, so many in a row, are rest."""
+    """The longest flight (a longer one ends the run), and the shortest: so many shorter ones in a row (`patience`) are rest."""
 
     longest: float
     shortest: float

@@ -1,7 +1,7 @@
 """What happens on a step of a flight: it ends at the bed, at a kink of the stream, or goes on.
 
 Steps, tables, error estimates and memory are those of `basset.solvers.stepper`, with the diagonal of the Jacobian. Impacts are found on the
-step's polynomial, the step is cut there and the memory advanced to the cut exactly. So are crossings of kinks.
+step's polynomial, the step is truncated there and the memory advanced to that point exactly. Crossings of kinks likewise.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from basset.solvers.stepper import (
     keep,
 )
 from saltation._random import uniforms
-from saltation.bed.roughness import facing
-from saltation.flight.contact import first_contact, forget, rebounded, spin_of, take_off, turn, watch
-from saltation.flight.equations import cross, layer_of, leaving
+from saltation.bed.roughness import contact_plane
+from saltation.flight.contact import apply_rebound, drop_oldest_impact, first_contact, record_top_and_turning, set_spin, spin_of, take_off
+from saltation.flight.equations import cross_kink, layer_of, leaving
 from saltation.flight.layout import (
     ALOFT,
     CROWDED,
@@ -51,14 +51,14 @@ from saltation.flight.layout import (
     Y,
     Z,
 )
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 
-SHORTEST = 0.01  # so small at least is the factor of the tolerance
+SHORTEST = 0.01  # smallest factor of the tolerance
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
 class Flight(NamedTuple):
-    """All that a grain flies by: the parts of its steps, what there is beside them, its account, and room for a contact (2, 9)."""
+    """One grain's flight: the parts of its steps, model, bed, memory and limits, its record (`account`), and work space for a contact (2, 9)."""
 
     parts: stepper.Parts
     model: Model
@@ -71,8 +71,8 @@ class Flight(NamedTuple):
 
 @shared
 def set_tolerance(g: Flight, likely: float) -> None:
-    """The tolerance follows the length of the flight that begins, where that is short against d/V: what is likely by the one before, or by what draws
-    the grain down at takeoff.
+    """The tolerance follows the duration of the flight that begins, where that is short against d/V, as estimated from the flight before or from the
+    downward acceleration at takeoff.
     """
     p, d = g.parts, g.model.dimensions
     y, room = p.state.y, p.room
@@ -83,7 +83,7 @@ def set_tolerance(g: Flight, likely: float) -> None:
     if fall > 0.0:
         likely = min(likely, 2.0 * max(0.0, y[2 * d - 1]) / fall)
     likely = min(1.0, likely)
-    p.state.numbers[SCALE] = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # less where short: with so few steps none makes up for another
+    p.state.numbers[SCALE] = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # smaller where short: errors of so few steps do not average out
 
 
 def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
@@ -97,7 +97,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     s, numbers = state.y, state.numbers
     x, z = s[0], s[d - 1]
     across = 0.0 if model.dimensions == 2 else s[1]
-    stream = both(model.profile, z)[0]
+    stream = velocity_and_shear(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
     v = 0.0 if model.dimensions == 2 else s[d + 1]
     ox, oy, oz = spin_of(model, s, spin)
@@ -107,10 +107,10 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     for _ in range(MOST_CONTACTS):
         draws = uniforms(bed.seed, grain, int(flight[IMPACTS]))
         flight[IMPACTS] += 1.0
-        n, _level, angle, steep = facing(bed.roughness, u, v, w, draws)
+        n, _level, angle, steep = contact_plane(bed.roughness, u, v, w, draws)
         closing = -(u * n[0] + v * n[1] + w * n[2])
         if not closing > 0.0:
-            continue  # that plane falls away faster than the grain: the next one
+            continue  # the grain moves away from that plane: draw another
         contact[0, 0], contact[0, 1], contact[0, 2] = n
         contact[0, 3], contact[0, 4], contact[0, 5] = u, v, w
         contact[0, 6], contact[0, 7], contact[0, 8] = ox, oy, oz
@@ -133,13 +133,13 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     flight[TAKEN] += 1.0
     # the state and the memory after the impact
     if len(problem.where) > 0:
-        forget(memory.before, memory.when, g.parts.cut.rates, state, int(flight[TAKEN]) - 1)
-    rebounded(model, memory, problem, state, stream, u, v, w)
+        drop_oldest_impact(memory.before, memory.when, g.parts.cut.rates, state, int(flight[TAKEN]) - 1)
+    apply_rebound(model, memory, problem, state, stream, u, v, w)
     if not limits.prescribed:
-        turn(model, s, spin, ox, oy, oz)
+        set_spin(model, s, spin, ox, oy, oz)
     spin[3] = layer_of(model, z, w)
     flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
-    # a contact that follows at once says nothing of the flight after it
+    # a contact that follows at once tells nothing about the flight after it
     set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)) if duration >= limits.shortest else math.inf)
     take_off(flight, numbers[TIME], x, across, z, u, v, w)
     y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.max_jumps else ACCEPTED
@@ -151,7 +151,7 @@ land_entry = entry(landed, "some 3 s")
 def looked(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     """θ at which the step that was found meets the bed, as grain number t, into out[0], and at which it leaves its layer into out[1]; 2 if it does not.
 
-    Its polynomial is in the room.
+    Its polynomial is in the work space.
     """
     model, bed, p, account = g.model, g.bed, g.parts, g.account
     state, room, d = p.state, p.room, g.model.dimensions
@@ -207,7 +207,7 @@ def flown(given: Steps, t: float, y: Any, out: Any, own: Any) -> None:
     call(given.look, float(g.bed.grain), signal, 0, signal, 0, p.equation.own)
     contact, kink = signal[0, 0], signal[0, 1]
     theta = min(contact, kink)
-    watch(model, p.room.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account)
+    record_top_and_turning(model, p.room.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account)
     out[0], out[1] = ACCEPTED, 0.0
     if theta > 1.0:
         if h <= 2.0 * p.problem.floor:
@@ -220,7 +220,7 @@ def flown(given: Steps, t: float, y: Any, out: Any, own: Any) -> None:
     call(given.cut, theta, signal, 0, signal, 0, signal)
     out[0], out[1] = FULL, 1.0
     if kink < contact:
-        cross(model, p)
+        cross_kink(model, p)
         return
     call(given.land, float(g.bed.grain), signal, 0, given.jumps, int(g.account[DONE]), signal)
     code = int(signal[0, 0])

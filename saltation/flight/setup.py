@@ -1,4 +1,4 @@
-"""From numbers to flights: the tables of the collocation, shared by all grains of a kind, and the loop around `loop.fly`."""
+"""From a scene to flights: the tables of the collocation, shared by all grains of a scene, and the loop that enters compiled code."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import Still, both, tabulated
+from saltation.flow import Still, tabulated, velocity_and_shear
 from saltation.scene import Bed, Scene
 
-SPAN = 16.0  # d/V: the longest step of a flight from a bed; where flights may be longer than usual or never end, more
+SPAN = 16.0  # d/V: the longest step of a flight from a bed; longer where flights may last longer or have no end
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
 FLOOR_OF_ENCOUNTERS = 1e-7  # d/V: two contacts may follow each other more closely than a grain's takeoff and impact
 RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
@@ -33,13 +33,13 @@ FOLLOWED = 10.0  # of the horizon, for the weights that follow the slip, see bas
 EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long for some takeoffs
 BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
-SAFETY = 10.0  # the local estimate of a regular step is so much too careful: measured, see tests/saltation/test_convergence.py
+SAFETY = 10.0  # factor by which the local estimate of a regular step exceeds the error: measured, see tests/saltation/test_convergence.py
 ATOL = 1.0  # of velocities and spins, in V and V/d
-PATIENCE = 50.0  # … so many in a row are rest
-CARE = 20.0  # the defect of a singular step is no overestimate as a regular step's is, and what it does to the memory stays
-QUICK = 10.0  # V: a slip after a takeoff
-FELT = 50.0  # what of a kernel's powers of time a singular step misses is so much smaller than they are
-NEVER = -math.inf  # refused steps until the stepper doubts that the equation is smooth: its kinks are known
+PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are rest
+CARE = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
+QUICK = 10.0  # V: a large slip after a takeoff
+FELT = 50.0  # a kernel's powers of time over the part of them that a singular step misses
+NEVER = -math.inf  # count of refused steps: the stepper never takes the equation for one with unknown kinks
 NOTHING_LOGGED = np.zeros(1)
 PATIENCE_IN_STEPS = 62.5  # steps at least in the longest flight, as many as SPAN is in the usual one
 
@@ -65,7 +65,7 @@ def tables_for(
         except ValueError:
             if rtol > 1e-4:
                 raise
-            rtol *= 2.0  # the best that is tabulated
+            rtol *= 2.0  # until a tabulated sum is that exact
 
 
 def first_horizon(scene: Scene) -> float:
@@ -113,7 +113,7 @@ def shortest(scene: Any) -> float:
 
 
 class Engine:
-    """One scene made ready to fly: everything that does not change, for any number of grains.
+    """One scene prepared to fly: everything that does not change, for any number of grains.
 
     `horizon` (d/V): how far its memory reaches, in place of the scene's.
     """
@@ -226,7 +226,7 @@ class Engine:
         return self.bed._replace(grain=grain)
 
     def memory(self, jumps: int = 0) -> layout.Memory:
-        """What the memory does at contacts; with `jumps` it forgets what lies farther back."""
+        """Treatment of the history force at contacts; with `jumps` the memory reaches back over so many."""
         before, when = np.zeros((jumps, self.members, len(self.rates))), np.zeros(jumps)
         rebound = ("impulse", "restart", "reset", "none").index(self.scene.options("history").rebound) if self.members else 0
         return layout.Memory(rebound, self.horizon, before, when)
@@ -248,9 +248,9 @@ class Engine:
         return Start((0.0, 0.0, height), velocity, spin)
 
     def state_of(self, start: Start) -> Floats:
-        """The states of a grain that sets out so."""
+        """The states of a grain that starts so."""
         d, (x, across, z), (u, v, w) = self.dimensions, start.position, start.velocity
-        slip = u - both(self.profile, z)[0]
+        slip = u - velocity_and_shear(self.profile, z)[0]
         states = [x, z, slip, w] if d == 2 else [x, across, z, slip, v, w]
         if self.rotation is not None:
             states += [start.spin[1]] if d == 2 else list(start.spin)
@@ -295,7 +295,7 @@ class Engine:
 
 
 class Start(NamedTuple):
-    """How a grain sets out: position (d), velocity (V), spin (V/d)."""
+    """The start of a grain: position (d), velocity (V), spin (V/d)."""
 
     position: tuple[float, float, float]
     velocity: tuple[float, float, float]
@@ -303,7 +303,7 @@ class Start(NamedTuple):
 
 
 class Grain:
-    """One grain under way: its state, memory and account, as plain arrays."""
+    """One grain during a run: its state, memory and record of the flight, as plain arrays."""
 
     def __init__(self, engine: Engine, grain: int = 0, start: Start | None = None) -> None:
         self.engine = engine

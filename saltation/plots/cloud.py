@@ -21,7 +21,7 @@ from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
 from basset.kernels import Floats
 from saltation import statistics
 from saltation.plots import run as plots
-from saltation.plots.highlights import Group, busiest, clean_pair, contact_points, encounters_of, group_of, jump_time, members, settled, within
+from saltation.plots.highlights import Group, busiest, contact_points, encounters_of, group_of, jump_time, members, settled, undisturbed_pair, within
 from saltation.plots.run import SPREAD, draw_moments, styled
 from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
 from saltation.results.result import Result
@@ -30,7 +30,7 @@ from saltation.study.grains import RANGES
 __all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
 
 GRAINS = (BLUE, ORANGE, GREEN, PINK, SKY, BLACK)
-SPAN = 4.0  # mean durations of a jump that such a picture shows
+SPAN = 4.0  # mean durations of a jump that a picture in space shows
 PLANES = {"x–z": (0, 2), "x–y": (0, 1), "y–z": (1, 2)}
 EDGE = "#444444"
 
@@ -57,12 +57,17 @@ def needs_width(result: Result, what: str) -> None:
         raise ValueError(f"{what} needs three dimensions: the scene has dimensions = 2")
 
 
+def drawn_group(result: Result, what: str) -> Group:
+    """The group of grains that a picture in space shows; refused for a scene in the plane and for a run without encounters."""
+    needs_width(result, what)
+    encounters_of(result, what)
+    return group_of(result, SPAN * jump_time(result))
+
+
 @styled
 def three_dimensional(result: Result) -> Figure:
-    """Paths of a handful of grains in space, the bed below, encounters marked; thesis fig. 4-8. Not for scenes in the plane."""
-    needs_width(result, "three_dimensional")
-    encounters_of(result, "three_dimensional")
-    group = group_of(result, SPAN * jump_time(result))
+    """Paths of up to six grains in space, the bed below, encounters marked; thesis fig. 4-8. Not for scenes in the plane."""
+    group = drawn_group(result, "three_dimensional")
     figure = Figure(figsize=(9.0, 5.2))
     unit = result.scene.numbers.unit("u*")
     figure.set_layout_engine("none")
@@ -91,10 +96,8 @@ def three_dimensional(result: Result) -> Figure:
 
 @styled
 def plan(result: Result) -> Figure:
-    """A handful of grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9. Not in the plane."""
-    needs_width(result, "plan")
-    encounters_of(result, "plan")
-    group = group_of(result, SPAN * jump_time(result))
+    """Up to six grains from above, true to scale, and below it all grains over the whole run from one release point; thesis fig. 4-9. Not in the plane."""
+    group = drawn_group(result, "plan")
     figure = Figure(figsize=(9.0, 6.6))
     unit = result.scene.numbers.unit("u*")
     near, far = figure.subplots(2, 1, height_ratios=(1.15, 1.0))
@@ -140,7 +143,7 @@ def spread_out(values: Floats, least: float) -> Floats:
 @styled
 def pair(result: Result) -> Figure:
     """Two grains that meet in mid-flight, from the side and over time, contacts marked by arrows; thesis fig. 4-6."""
-    found = clean_pair(result, "pair")
+    found = undisturbed_pair(result, "pair")
     unit = result.scene.numbers.unit("u*")
     moment, tau = float(found.row["time"]), jump_time(result)
     low, high = max(0.0, moment - 1.3 * tau), moment + 1.3 * tau
@@ -183,13 +186,13 @@ def snapshots(result: Result) -> Figure:
     The picture moves with the centre of mass of the pair at contact, whose velocity the contact does not change; it shows the vertical and the horizontal
     direction of the line of centres. Thesis fig. 4-7.
     """
-    found = clean_pair(result, "snapshots")
+    found = undisturbed_pair(result, "snapshots")
     unit = result.scene.numbers.unit("u*")
     row, normal, moment = found.row, found.normal(), float(found.row["time"])
     level = math.hypot(normal[0], normal[1])
     along = np.array([1.0, 0.0]) if level < 1e-6 else normal[:2] / level * (1.0 if normal[0] >= 0.0 else -1.0)
     closing = max(1e-6, float(-found.relative() @ normal))
-    step: float = min(0.35 / closing, 0.49 * found.calm)
+    step: float = min(0.35 / closing, 0.49 * found.undisturbed)
     while found.apart(moment - 2.0 * step) > 1.8:
         step *= 0.9
     drift = 0.5 * np.array([row[f"first_{name}"] + row[f"second_{name}"] for name in SPEEDS])
@@ -262,7 +265,7 @@ def grain_history(result: Result, grain: int | None = None, start: float | None 
     ends, rates = path.mean_accelerations()
     inside = (ends[:, 0] >= low) & (ends[:, 1] <= high)
     panels[3].plot(ends[inside].ravel(), np.repeat(rates[inside, 1], 2), color=BLUE, linewidth=1.0)
-    draw_kicks(panels[3], path, low, high, unit)
+    draw_velocity_jumps(panels[3], path, low, high, unit)
     for axes in panels:
         for time in met["time"]:
             axes.axvline(time, color=RED, linestyle=":", linewidth=1.0)
@@ -289,24 +292,24 @@ def draw_partners(axes: Any, result: Result, path: Track, grain: int, met: pd.Da
         axes.plot(times, line[:, column] + offset[column], color="#aaaaaa", linewidth=1.0)
 
 
-def draw_kicks(axes: Any, path: Track, low: float, high: float, unit: str) -> None:
+def draw_velocity_jumps(axes: Any, path: Track, low: float, high: float, unit: str) -> None:
     """Jumps of the velocity across the stream at contacts, as arrows on a scale of their own at the right."""
     right = axes.twinx()
     right.grid(False)
     right.spines["right"].set_visible(True)
-    kicks = path.after[:, 1] - path.before[:, 1]
+    jumps = path.after[:, 1] - path.before[:, 1]
     shown = (path.kind != KEPT) & (path.time >= low) & (path.time <= high)
     for kind, colour in ((BED, GREY), (MET, RED)):
-        some_kind = shown & (path.kind == kind) & (np.abs(kicks) > 0.02 * np.abs(kicks[shown]).max(initial=0.0))
-        for time, kick in zip(path.time[some_kind], kicks[some_kind], strict=True):
+        some_kind = shown & (path.kind == kind) & (np.abs(jumps) > 0.02 * np.abs(jumps[shown]).max(initial=0.0))
+        for time, jump in zip(path.time[some_kind], jumps[some_kind], strict=True):
             right.annotate(
-                "", (time, kick), xytext=(time, 0.0), arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 1.6}
+                "", (time, jump), xytext=(time, 0.0), arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 1.6}
             )
-    top = 1.2 * max(0.1, float(np.abs(kicks[shown]).max(initial=0.0)))
+    top = 1.2 * max(0.1, float(np.abs(jumps[shown]).max(initial=0.0)))
     bound = 1.05 * max(abs(limit) for limit in axes.get_ylim())
     axes.set_ylim(-bound, bound)
     right.set_ylim(-top, top)
-    bed = (shown & (path.kind == BED) & (np.abs(kicks) > 0.02 * top)).any()
+    bed = (shown & (path.kind == BED) & (np.abs(jumps) > 0.02 * top)).any()
     right.set_ylabel(f"arrows: jump of v ({unit})\nat encounters{' (grey: bed)' if bed else ''}", color=RED)
 
 
@@ -334,7 +337,7 @@ def profiles(result: Result) -> Figure:
     lag = ""
     if result.scene.channel is not None:
         heights = np.linspace(0.0, z[-1], 200)
-        stream = np.array([result.scene.profile.both(height)[0] for height in heights])
+        stream = np.array([result.scene.profile.velocity_and_shear(height)[0] for height in heights])
         right.plot(stream, heights, color=BLACK, linestyle="--")
         labelled(right, float(np.interp(0.25 * top, heights, stream)), 0.25 * top, "stream", BLACK, 1)
         weights = table["concentration"].to_numpy()[filled]

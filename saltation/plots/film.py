@@ -33,7 +33,7 @@ GLOW = 0.25  # mean durations of a jump that grains stay marked after they met
 
 
 class Scenery:
-    """The figure, and what moves in it."""
+    """The figure and the collections of grains that change from frame to frame."""
 
     def __init__(self, result: Result, speeds: Floats, top: float) -> None:
         """For `speeds` (u*) from the first to the second and heights up to `top` (d)."""

@@ -1,4 +1,4 @@
-"""What of a cloud is worth a picture: some grains that meet, a clean encounter, a grain that is turned often.
+"""Which grains of a cloud a picture shows: some that meet, one undisturbed encounter, one that is deflected often.
 
 All choices follow from the result alone: the same run gives the same picture.
 """
@@ -15,7 +15,7 @@ from basset.kernels import Floats
 from saltation.plots.tracks import SPEEDS, Track, columns, image, meeting_places, track
 from saltation.results.result import Result
 
-__all__ = ["Group", "Pair", "busiest", "clean_pair", "group_of"]
+__all__ = ["Group", "Pair", "busiest", "group_of", "undisturbed_pair"]
 
 MOST = 6  # grains in a picture
 CANDIDATES = 500  # encounters that are tried
@@ -85,7 +85,7 @@ def grow(met: pd.DataFrame, root: int, places: tuple[Floats, Floats], result: Re
 
 
 def group_of(result: Result, span: float) -> Group:
-    """Where in the run the most encounters lie among a handful of grains within a time `span`, d/u*."""
+    """Where in the run the most encounters lie among at most `MOST` grains within a time `span`, d/u*."""
     met = result.encounters.reset_index(drop=True)
     places = meeting_places(result)
     best, found = (-1, -1), Group(0.0, span, {})
@@ -112,11 +112,11 @@ def contact_points(result: Result, group: Group) -> tuple[Floats, NDArray[np.boo
 
 
 class Pair(NamedTuple):
-    """A clean encounter."""
+    """An encounter far from other contacts."""
 
     row: pd.Series  # of the run's table
     tracks: tuple[Track, Track]  # of the first and the second grain, in one periodic image
-    calm: float  # d/u*, time to the nearest other contact
+    undisturbed: float  # d/u*, time to the nearest other contact
 
     def relative(self) -> Floats:
         """Velocity of the second grain relative to the first before the contact, u* (3,)."""
@@ -133,7 +133,7 @@ class Pair(NamedTuple):
         return np.array([self.row[name] for name in ("n_x", "n_y", "n_z")])
 
 
-def calm_around(result: Result) -> Floats:
+def time_to_other_contacts(result: Result) -> Floats:
     """For every encounter the time to the nearest other contact of either of its grains, or to an end of the paths (n,), d/u*."""
     met, jumps = result.encounters, result.all_jumps
     grain = np.concatenate([jumps["grain"], met["first"], met["second"]])
@@ -148,26 +148,26 @@ def calm_around(result: Result) -> Floats:
     return gaps
 
 
-def clean_pair(result: Result, what: str) -> Pair:
+def undisturbed_pair(result: Result, what: str) -> Pair:
     """The encounter that shows best: long after and before other contacts, fast along the normal, in the x–z plane; `what` asks, for the message."""
     met = encounters_of(result, what).reset_index(drop=True)
-    calm, tau = calm_around(result), jump_time(result)
+    undisturbed, tau = time_to_other_contacts(result), jump_time(result)
     normal = columns(met, ("n_x", "n_y", "n_z"))
     closing = -np.sum((columns(met, tuple(f"second_{c}" for c in SPEEDS)) - columns(met, tuple(f"first_{c}" for c in SPEEDS))) * normal, axis=1)
-    score = np.minimum(calm, 0.3 * tau) * np.minimum(closing, 2.0) * np.sqrt(np.maximum(1.0 - normal[:, 1] ** 2, 0.0)) ** 3
+    score = np.minimum(undisturbed, 0.3 * tau) * np.minimum(closing, 2.0) * np.sqrt(np.maximum(1.0 - normal[:, 1] ** 2, 0.0)) ** 3
     best = int(np.argmax(score))
     row = met.iloc[best]
     first, second = (track(result, int(row[who])) for who in ("first", "second"))
     places = meeting_places(result)
     offset = image(result, places[0][best], places[1][best])
-    return Pair(row, (first, Track(second.time, second.place + offset, second.before, second.after, second.kind)), float(min(calm[best], tau)))
+    return Pair(row, (first, Track(second.time, second.place + offset, second.before, second.after, second.kind)), float(min(undisturbed[best], tau)))
 
 
 def busiest(result: Result, span: float) -> tuple[int, float]:
-    """The grain that encounters turn most across the stream without following on each other's heels, and from when on within a `span`, d/u*."""
+    """The grain that encounters turn most across the stream and not in quick succession, and from when on within a `span`, d/u*."""
     met = encounters_of(result, "grain_history").reset_index(drop=True)
     turned = np.abs(met["first_v_after"] - met["first_v"])
-    clear = np.minimum(calm_around(result) / (0.1 * jump_time(result)), 1.0)
+    clear = np.minimum(time_to_other_contacts(result) / (0.1 * jump_time(result)), 1.0)
     best, found = -1.0, (0, 0.0)
     for row in some(len(met)):
         low = float(max(0.0, min(met["time"][row] - 0.1 * span, result.time - span)))

@@ -71,7 +71,7 @@ def result_in(whole: xr.Dataset, name: str) -> Result:
 
 
 def result_of(whole: xr.Dataset) -> Result:
-    """The result whose `dataset` it is."""
+    """The result in a dataset that `Result.dataset` made."""
     told = whole.attrs
     scene = scene_of(json.loads(told["scene"]))
     jumps, met = table_in(whole, "jump", no_jumps()), table_in(whole, "encounter", no_encounters())
@@ -79,7 +79,7 @@ def result_of(whole: xr.Dataset) -> Result:
     fates = fate_table(list(map(list, zip(left["grain"], left["time"], left["fate"], strict=True))))
     path = path_in(scene, whole)
     end = told.get("end")
-    if end is None:  # a file of one grain from when it was not noted
+    if end is None:  # a file of one grain from before it was kept
         end = float(path["time"][-1]) if path is not None else float((jumps["start"] + jumps["duration"]).max()) if len(jumps) else 0.0
     return Result(scene, jumps, told["status"], told["message"], json.loads(told["provenance"]), end, met, fates, path)
 
@@ -103,11 +103,11 @@ def key_in(path: Path) -> Any:
 
 
 STOPPED = ("unfinished", "the run was stopped: the same command goes on from there")
-WORDS = {"parts", "time", "status", "message", "fates", "provenance", "scene", "key"}  # of run.json
+RUN_FIELDS = {"parts", "time", "status", "message", "fates", "provenance", "scene", "key"}  # of run.json
 
 
-def words_in(folder: Path) -> dict[str, Any]:
-    """What run.json says.
+def read_run_json(folder: Path) -> dict[str, Any]:
+    """The fields of run.json.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def words_in(folder: Path) -> dict[str, Any]:
     try:
         told: dict[str, Any] = json.loads(content)
         check = told.pop("check", None)
-        whole = set(told) == WORDS and (check is None or check == hash_of(json.dumps(told)))
+        whole = set(told) == RUN_FIELDS and (check is None or check == hash_of(json.dumps(told)))
     except (ValueError, TypeError, AttributeError, RecursionError):
         whole = False
     if not whole:
@@ -129,8 +129,8 @@ def words_in(folder: Path) -> dict[str, Any]:
     return told
 
 
-def words_of(told: dict[str, Any]) -> str:
-    """What run.json holds to say so."""
+def run_json_of(told: dict[str, Any]) -> str:
+    """The text of run.json with these fields."""
     return json.dumps(told | {"check": hash_of(json.dumps(told))}, indent=1) + "\n"
 
 
@@ -160,7 +160,7 @@ def open_folder(folder: Path, count: int | None = None) -> Result:
         If it is no such folder, or a file of it is not what was written.
     """
     try:
-        told = words_in(folder)
+        told = read_run_json(folder)
     except OSError:
         raise DamageError(f"{str(folder)!r} is no saltation result: it has no run.json that can be read") from None
     try:

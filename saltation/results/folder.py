@@ -14,7 +14,7 @@ import numpy as np
 
 from saltation._files import DamageError, only_writer, replacing, store, write
 from saltation._keys import key_of, text_of
-from saltation.results.files import STOPPED, part_in, words_in, words_of
+from saltation.results.files import STOPPED, part_in, read_run_json, run_json_of
 from saltation.scene import Scene, SceneError, scene_of
 
 
@@ -43,7 +43,7 @@ class Folder:
         self._held = contextlib.ExitStack()
 
     def __enter__(self) -> Folder:
-        """Nobody else writes here from now on."""
+        """Lock the folder."""
         self.path.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as held:
             held.enter_context(only_writer(self.path))
@@ -56,7 +56,7 @@ class Folder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let others write."""
+        """Unlock the folder."""
         self._held.close()
 
     def begun(self) -> bool:
@@ -64,9 +64,9 @@ class Folder:
         return self.read_status() is not None or self.checkpoint.exists()
 
     def read_status(self) -> dict[str, Any] | None:
-        """What run.json says; None if there is none, or none that is whole beside a checkpoint."""
+        """The fields of run.json; None if there is none, or only a damaged one beside a checkpoint."""
         try:
-            told = words_in(self.path)
+            told = read_run_json(self.path)
         except OSError:
             return None
         except DamageError as error:
@@ -83,7 +83,7 @@ class Folder:
     def write_status(self, status: RunStatus, known: dict[str, Any]) -> None:
         """Write run.json."""
         content = {"key": self.key} | asdict(status) | {"provenance": known, "scene": json.loads(text_of(self.scene))}
-        write(self.path / "run.json", words_of(content))
+        write(self.path / "run.json", run_json_of(content))
 
     def put(self, number: int, dataset: Any, reached: float) -> None:
         """Write a part."""
@@ -126,7 +126,7 @@ def begun(scene: Scene, output: str | os.PathLike[str] | None) -> Scene | None:
     if output is None:
         return None
     try:
-        found = scene_of(words_in(Path(output))["scene"])
+        found = scene_of(read_run_json(Path(output))["scene"])
     except (OSError, ValueError):
         return None
     return found if found.chosen is not None and found.chosen.of == key_of(scene) else None

@@ -12,7 +12,7 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from saltation.flight import equations
 from saltation.flight.layout import SHORTEST_FLIGHT
-from saltation.results.tables import told_of
+from saltation.results.tables import attributes_of
 
 if TYPE_CHECKING:
     from saltation.flight.setup import Engine
@@ -62,8 +62,8 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     if engine.rotation is not None:
         spins = np.zeros((len(times), 3))
         spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d :]
-    stream = np.array([engine.scene.profile.both(z)[0] for z in states[:, d - 1]])
-    shear = np.array([engine.scene.profile.both(z)[1] for z in states[:, d - 1]])
+    stream = np.array([engine.scene.profile.velocity_and_shear(z)[0] for z in states[:, d - 1]])
+    shear = np.array([engine.scene.profile.velocity_and_shear(z)[1] for z in states[:, d - 1]])
     slip = np.zeros((len(times), 3))
     slip[:, [0, 2] if d == 2 else [0, 1, 2]] = states[:, d : 2 * d]
     situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])
@@ -91,7 +91,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
         told = "acceleration by the history force (NaN at takeoff: infinite)"
         for k, (axis, place) in enumerate(axes.items()):
             columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", told
-    data = {name: ("time", values, told_of(engine.scene, unit, text)) for name, (values, unit, text) in columns.items()}
+    data = {name: ("time", values, attributes_of(engine.scene, unit, text)) for name, (values, unit, text) in columns.items()}
     numbers = engine.numbers
-    coordinate = ("time", times, told_of(engine.scene, "d/u*", "time"))
+    coordinate = ("time", times, attributes_of(engine.scene, "d/u*", "time"))
     return xr.Dataset(data, coords={"time": coordinate}, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})

@@ -20,7 +20,7 @@ from basset.kernels import Floats
 from saltation import regressions, statistics
 from saltation._files import store
 from saltation.effects import EFFECTS
-from saltation.results.tables import FATES, fate_table, no_encounters, shares, tables_to_dataset, that_count, told_of
+from saltation.results.tables import FATES, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
 from saltation.scene import Scene
 
 __all__ = ["Result"]
@@ -46,7 +46,7 @@ class Result:
         How far the run has come.
     encounters : DataFrame
         One row per encounter in the order of time: `first` and `second` grain, place of the first, unit normal from the first
-        to the second, distance of the centres, restitution that was applied (greater than e where grains would have parted
+        to the second, distance of the centres, restitution that was applied (greater than e where grains would have separated
         more slowly than encounters.slowest), velocities and spins of both before and after, impulse on the first; units by
         `saltation.results.tables.encounter_unit`.
     fates : DataFrame
@@ -93,7 +93,7 @@ class Result:
 
         Units are in `saltation.results.tables.UNITS`.
         """
-        return that_count(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
+        return counted_jumps(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number.
@@ -332,7 +332,7 @@ class Result:
         scene, numbers = self.scene, self.scene.numbers
         whole = tables_to_dataset(scene, self.all_jumps, self.encounters)
         for name, unit in (("grain", "1"), ("time", "d/u*"), ("fate", "1")):
-            whole[f"fate_{name}"] = ("fate", self.fates[name].to_numpy(), told_of(scene, unit, FATES[name]))
+            whole[f"fate_{name}"] = ("fate", self.fates[name].to_numpy(), attributes_of(scene, unit, FATES[name]))
         whole["fate_fate"].attrs.pop("units")  # a word
         if self.path is not None:
             whole = whole.merge(self.trajectory, combine_attrs="override")

@@ -55,7 +55,7 @@ FATES = {"grain": "number of the grain", "time": "when it left the run", "fate":
 AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}
 
 
-def told_of(scene: Scene, unit: str, text: str) -> dict[str, Any]:
+def attributes_of(scene: Scene, unit: str, text: str) -> dict[str, Any]:
     """Attributes of a variable by the conventions CF: what is measured in d and u* is dimensionless, and says what it is a multiple of."""
     if unit not in SI:
         return {"units": unit, "long_name": text}
@@ -105,7 +105,7 @@ def no_jumps() -> pd.DataFrame:
     return table_of(np.zeros((0, len(COLUMNS))), 1.0)
 
 
-def that_count(jumps: pd.DataFrame, number: Any, discard: int) -> pd.DataFrame:
+def counted_jumps(jumps: pd.DataFrame, number: Any, discard: int) -> pd.DataFrame:
     """The jumps from number `discard` on that are flights.
 
     A grain that comes to rest, or has just touched the bed and is hit from above, touches it again at once: two impacts with
@@ -161,15 +161,15 @@ def fate_table(rows: list[list[Any]]) -> pd.DataFrame:
 
 def tables_to_dataset(scene: Scene, jumps: pd.DataFrame, met: pd.DataFrame) -> xr.Dataset:
     """Tables of jumps and encounters as variables."""
-    data: dict[str, Any] = {f"jump_{name}": ("jump", jumps[name].to_numpy(), told_of(scene, *UNITS[str(name)])) for name in jumps}
-    data |= {f"encounter_{name}": ("encounter", met[name].to_numpy(), told_of(scene, encounter_unit(name), name.replace("_", " "))) for name in met}
+    data: dict[str, Any] = {f"jump_{name}": ("jump", jumps[name].to_numpy(), attributes_of(scene, *UNITS[str(name)])) for name in jumps}
+    data |= {f"encounter_{name}": ("encounter", met[name].to_numpy(), attributes_of(scene, encounter_unit(name), name.replace("_", " "))) for name in met}
     return xr.Dataset(data)
 
 
 def table_in(whole: xr.Dataset, name: str, empty: pd.DataFrame) -> pd.DataFrame:
     """The table whose columns are kept as variables with a prefix; the empty one if none are."""
     found = {str(key).removeprefix(f"{name}_"): whole[key].to_numpy() for key in whole.data_vars if str(key).startswith(f"{name}_")}
-    if name == "jump" and found and "grain" not in found:  # of a file from when a single grain had no number
+    if name == "jump" and found and "grain" not in found:  # of a file from before single grains had a number
         found["grain"] = np.zeros(len(next(iter(found.values()))), dtype=np.int32)
     if found and set(found) != set(empty):
         raise ValueError(f"the table of {name}s has other columns")
@@ -180,10 +180,10 @@ def path_dataset(scene: Scene, times: Floats, values: Floats) -> xr.Dataset:
     """Paths from samples (time, grain, 2·dimensions)."""
     names = "xyz" if values.shape[2] == 6 else "xz"
     speeds = {"x": "u", "y": "v", "z": "w"}
-    data = {name: (("time", "grain"), values[:, :, k], told_of(scene, "d", AXES[name])) for k, name in enumerate(names)}
+    data = {name: (("time", "grain"), values[:, :, k], attributes_of(scene, "d", AXES[name])) for k, name in enumerate(names)}
     for k, name in enumerate(names):
-        data[speeds[name]] = ("time", "grain"), values[:, :, len(names) + k], told_of(scene, "u*", f"velocity along {name}")
-    coordinates = {"time": ("time", times, told_of(scene, "d/u*", "time")), "grain": np.arange(values.shape[1], dtype=np.int32)}
+        data[speeds[name]] = ("time", "grain"), values[:, :, len(names) + k], attributes_of(scene, "u*", f"velocity along {name}")
+    coordinates = {"time": ("time", times, attributes_of(scene, "d/u*", "time")), "grain": np.arange(values.shape[1], dtype=np.int32)}
     numbers = scene.numbers
     return xr.Dataset(data, coords=coordinates, attrs={"diameter": numbers.diameter, "velocity": numbers.velocity})
 
@@ -197,6 +197,6 @@ def path_in(scene: Scene, whole: xr.Dataset) -> xr.Dataset | None:
     path.attrs = {key: whole.attrs[key] for key in ("diameter", "velocity")}
     for name in (*names, "time"):
         attrs = path[name].attrs
-        if attrs["units"] in SI:  # of a file that was written with units of our own
-            path[name].attrs = told_of(scene, attrs["units"], attrs["long_name"])
+        if attrs["units"] in SI:  # of a file from before units followed CF
+            path[name].attrs = attributes_of(scene, attrs["units"], attrs["long_name"])
     return path

@@ -28,7 +28,7 @@ from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Ru
 __all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
 
 AUTO = "auto"  # effects: those that are called for, by measurement
-LONGEST = 1e9  # d/u*: a memory beyond loses its digits
+LONGEST = 1e9  # d/u*: longer memories lose accuracy by rounding
 PATIENCE = 1000.0  # d/u*: a longer flight is taken to be one that never comes down …
 FASTEST = 100.0  # V: … unless a grain that leaves the bed so fast would fly longer without drag …
 SUSPENDED = 1e6  # d/u*: … or sinks slowly, but in this time
@@ -222,7 +222,7 @@ class SceneBase(Table):
         return self
 
     def _check_cloud(self, cloud: Cloud) -> None:
-        """Many grains fly for a time, at steps of their own."""
+        """Many grains need a duration and collocation, and a box that is wide enough."""
         if self.run.duration is None:
             raise ValueError("cloud: many grains fly for a time: give run.duration (s) instead of run.jumps")
         if self.solver.method != "collocation":
@@ -255,7 +255,7 @@ class SceneBase(Table):
         return (area, 1.0, height) if self.in_plane else (math.sqrt(area), math.sqrt(area), height)
 
     def _check_numbers(self) -> None:
-        """What has no numbers or no stream is refused here, with the scene."""
+        """Refuse a scene without dimensionless numbers or without a profile."""
         low, high = SENSIBLE
         try:
             n = self.numbers
@@ -275,7 +275,7 @@ class SceneBase(Table):
             raise ValueError(f"channel.{error}") from None
 
     def _check_duration(self) -> None:
-        """A time that steps can fill."""
+        """The duration has to fit the steps and the kept positions."""
         if self.run.duration is None:
             return
         end, dt = self.run.duration / self.numbers.time, self.solver.dt
@@ -291,7 +291,7 @@ class SceneBase(Table):
             )
 
     def _check_steps(self) -> None:
-        """Fixed steps have to be stable for the drag of a grain at rest, the least there is, and the history."""
+        """Fixed steps have to be stable with the drag of a grain at rest, the least there is, and the history."""
         from basset.solvers.stability import longest_step
 
         n, names, dt = self.numbers, self.names, float(self.solver.dt or 0.0)
@@ -337,7 +337,7 @@ class SceneBase(Table):
         self.steps_of(self.horizon)
 
     def steps_of(self, horizon: float) -> int:
-        """How many fixed steps a memory holds: with it everything is known that a run will say of scheme, step and memory.
+        """How many fixed steps a memory holds; refuses what a run would refuse in scheme, step and memory.
 
         Parameters
         ----------
@@ -445,7 +445,7 @@ class SceneBase(Table):
 
     @property
     def widens(self) -> bool:
-        """Whether nothing jumps but at the start: a memory that is outlasted is then taken over by a longer one."""
+        """Whether the slip jumps at the start only: a memory that is too short is then replaced by a longer one."""
         return self.bed is None and self.cloud is None and self.solver.method == "collocation" and self.options("history").horizon is None
 
     @property

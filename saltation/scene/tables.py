@@ -90,7 +90,7 @@ class Bed(Table):
 
     rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
     roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
-    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="how contact angles beyond 30° are read: " + ", ".join(READINGS))
+    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="range of contact angles, how those beyond 30° are treated: " + ", ".join(READINGS))
     smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
     span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
     restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(

@@ -120,7 +120,7 @@ def fly(texts: Mapping[str, str], whole: bool) -> dict[str, tuple[dict[str, Any]
 
 
 def _flown(key: str, result: Result, whole: bool) -> tuple[dict[str, Any], bytes]:
-    """What goes back to the campaign."""
+    """Row and packed result of one run."""
     return outcome(result), packed(result, key) if whole else b""
 
 
@@ -128,7 +128,7 @@ def chunks(scenes: Mapping[str, Scene]) -> list[list[str]]:
     """Keys of scenes in batches of about half a second.
 
     A batch shares one compiled form, and the first of every form come first: workers then compile different things at a
-    time, and find each other's on disk.
+    time, and share what is compiled on disk.
     """
     forms: dict[Any, list[list[str]]] = {}
     room: dict[Any, float] = {}

@@ -25,7 +25,7 @@ def without(scene: Scene, left_out: Iterable[str]) -> Scene:
     return scene.changed(effects=[name for name in scene.names if name not in gone])
 
 
-def listed(scene: Scene) -> Scene:
+def with_listed_effects(scene: Scene) -> Scene:
     """The scene with its effects by name: what a preset or "auto" stands for is written out, options and dimensions too."""
     if not isinstance(scene.effects, str):
         return scene
@@ -33,7 +33,7 @@ def listed(scene: Scene) -> Scene:
     return scene.changed(effects=list(scene.names), tolerance=None, dimensions=2 if scene.in_plane else 3, **options)
 
 
-def long(scene: Scene, jumps: int) -> Scene:
+def with_jumps(scene: Scene, jumps: int) -> Scene:
     """The scene with so many jumps that count; a run for a time stays as long as it is.
 
     A horizon that is given holds for the scene's own number of jumps: it grows with them. One that is shorter than the default
@@ -53,25 +53,25 @@ def long(scene: Scene, jumps: int) -> Scene:
 
 def fly(scenes: dict[str, Scene], jumps: int, executor: Executor | None, progress: Progress | None) -> pd.DataFrame:
     """The campaign over scenes with so many jumps; index: their names."""
-    return campaign([({"case": name}, long(scene, jumps)) for name, scene in scenes.items()], executor, progress=progress).set_index("case")
+    return campaign([({"case": name}, with_jumps(scene, jumps)) for name, scene in scenes.items()], executor, progress=progress).set_index("case")
 
 
-def flown(table: pd.DataFrame, scene: Scene) -> int:
+def jumps_flown(table: pd.DataFrame, scene: Scene) -> int:
     """How many jumps were flown for a table, those that are discarded too."""
     return int(table["jumps"].sum()) + len(table) * int(scene.run.discard)
 
 
-def enough(scenes: dict[str, Scene], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
-    """The campaign with as many jumps as the mean height of the first scene needs for a relative standard error; (table, that number, jumps flown)."""
+def fly_to_error(scenes: dict[str, Scene], error: float, executor: Executor | None, progress: Progress | None) -> tuple[pd.DataFrame, int, int]:
+    """The campaign with as many jumps as the mean height of the first scene needs for a relative standard error; (table, their number, all jumps flown)."""
     report = progress or (lambda done: None)
     table = fly(scenes, PILOT, executor, lambda done: report(0.5 * done))
     first, scene = table.iloc[0], next(iter(scenes.values()))
-    count, total = PILOT, flown(table, scene)
+    count, total = PILOT, jumps_flown(table, scene)
     wanted = PILOT * (first["height_se"] / (error * first["height"])) ** 2 if first["height"] > 0.0 else 0.0
     if wanted > PILOT and scene.run.jumps is not None:
         count = min(MOST, math.ceil(wanted / 100.0) * 100)
         table = fly(scenes, count, executor, lambda done: report(0.5 + 0.5 * done))
-        total += flown(table, scene)
+        total += jumps_flown(table, scene)
     report(1.0)
     return table, count, total
 

@@ -88,7 +88,9 @@ def computed(scene: Scene) -> dict[str, str]:
     if scene.bed is not None:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
-        found["bed"] = f"{bed.rebound}, e = {bed.restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, read as {bed.reading}"
+        found["bed"] = (
+            f"{bed.rebound}, e = {bed.restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, contact angles {bed.reading}"
+        )
     if scene.cloud is not None:
         length, width, height = scene.box
         found["grains"] = f"{scene.cloud.number} from a layer of {length:.4g} × {width:.4g} × {height:.3g} d, C_p = {scene.cloud.concentration:g}"

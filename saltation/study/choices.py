@@ -15,7 +15,7 @@ from saltation.effects.history import KERNELS
 from saltation.flow import PROFILES
 from saltation.scene import Scene, SceneError
 from saltation.study.campaigns import campaign
-from saltation.study.cases import VARIABLES, Progress, compare, enough, listed, long, require_bed
+from saltation.study.cases import VARIABLES, Progress, compare, fly_to_error, require_bed, with_jumps, with_listed_effects
 
 __all__ = ["combinations", "extent", "shares", "spreads", "uncertainty", "variants"]
 
@@ -59,10 +59,10 @@ def uncertainty(scene: Scene, executor: Executor | None = None, *, error: float 
     relative changes and their standard errors as for `ablate`.
     """
     require_bed(scene)
-    scene = listed(scene)
+    scene = with_listed_effects(scene)
     cases = {("scene", "as given"): scene} | {(choice, value): made for choice, values in variants(scene).items() for value, made in values.items()}
     names = {" ".join(case): case for case in cases}
-    table = compare(enough({name: cases[case] for name, case in names.items()}, error, executor, progress)[0])
+    table = compare(fly_to_error({name: cases[case] for name, case in names.items()}, error, executor, progress)[0])
     table.insert(0, "choice", [names[str(name)][0] for name in table.index])
     table.insert(1, "value", [names[str(name)][1] for name in table.index])
     return table.reset_index(drop=True)
@@ -87,7 +87,7 @@ def combinations(scene: Scene, executor: Executor | None = None, *, progress: Pr
     One row per combination: a column per choice with its value, status, height (d), length (d), velocity (u*).
     """
     require_bed(scene)
-    scene = long(listed(scene), COMBINED)
+    scene = with_jumps(with_listed_effects(scene), COMBINED)
     choices = _choices(scene)
     labelled = []
     for values in itertools.product(*choices.values()):
@@ -101,7 +101,7 @@ def combinations(scene: Scene, executor: Executor | None = None, *, progress: Pr
 
 
 def shares(table: pd.DataFrame) -> pd.DataFrame:
-    """How much of the spread of H, L and ū over `combinations` each choice makes by itself; what is missing to 1 is interplay.
+    """How much of the spread of H, L and ū over `combinations` each choice makes by itself; what is missing to 1 is interaction.
 
     The variance of the means over its values of the logarithm, over the variance of all that finish: a first Sobol index,
     Sobol (1993), Math. Model. Comput. Exp. 1, 407.

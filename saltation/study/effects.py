@@ -1,4 +1,4 @@
-"""Which effects a scene calls for: told from its dimensionless numbers, measured by leaving each out, chosen within a tolerance.
+"""Which effects a scene calls for: estimated from its dimensionless numbers, measured by leaving each out, chosen within a tolerance.
 
 A force is judged in a typical jump of the published regressions, by its own formula: what is estimated is what would be
 computed. `ablate` measures, `choose` decides by measurement.
@@ -22,11 +22,11 @@ from saltation._keys import key_of
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting, Situation
 from saltation.effects.rotation import prescribed_spin
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.scene import Scene, SceneError
 from saltation.simulation import run
 from saltation.study import cases
-from saltation.study.cases import VARIABLES, Progress, compare, enough, flown, fly, listed, require_bed, without
+from saltation.study.cases import VARIABLES, Progress, compare, fly, fly_to_error, jumps_flown, require_bed, with_listed_effects, without
 
 __all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "typical"]
 
@@ -116,7 +116,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
         return share, f"C_m/(ρ_s/ρ + C_m) with ρ_s/ρ = {numbers.density_ratio:.3g}: share of the inertia"
     if name == "encounters":
         if scene.cloud is None:
-            return 0.0, "a single grain meets nobody"
+            return 0.0, "a single grain meets no other"
         often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
         return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
     built = module.build(options, setting)
@@ -138,7 +138,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
 def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:
     """The grain in its typical jump."""
     z = 0.75 + where * jump.height
-    stream, shear = both(scene.profile, z)
+    stream, shear = velocity_and_shear(scene.profile, z)
     return Situation(z, jump.speed - stream, 0.0, jump.rise * (1.0 - 2.0 * when), stream, shear, 0.0, jump.spin, 0.0)
 
 
@@ -154,15 +154,15 @@ def ablate(scene: Scene, executor: Executor | None = None, *, error: float = 0.0
     over those of the full scene (NaN for runs for a time, and for those that do not finish).
     """
     scenes = reduced(scene)
-    table = compare(enough(scenes, error, executor, progress)[0])
-    table["time"] = costs({name: scenes[name] for name in table.index})
+    table = compare(fly_to_error(scenes, error, executor, progress)[0])
+    table["time"] = relative_costs({name: scenes[name] for name in table.index})
     return table
 
 
 def reduced(scene: Scene) -> dict[str, Scene]:
     """The full scene, and without each of its effects that can be left out."""
     require_bed(scene)
-    full = listed(scene)
+    full = with_listed_effects(scene)
     scenes = {"full": full}
     for name in full.names:
         with contextlib.suppress(SceneError):  # what is left makes no scene
@@ -170,7 +170,7 @@ def reduced(scene: Scene) -> dict[str, Scene]:
     return scenes
 
 
-def costs(scenes: dict[str, Scene]) -> pd.Series:
+def relative_costs(scenes: dict[str, Scene]) -> pd.Series:
     """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
     found = pd.Series(math.nan, index=list(scenes))
     if all(scene.run.jumps is not None for scene in scenes.values()):
@@ -180,13 +180,13 @@ def costs(scenes: dict[str, Scene]) -> pd.Series:
     return found / found.iloc[0]
 
 
-def nearest(row: pd.Series) -> float:
+def largest_change(row: pd.Series) -> float:
     """Largest relative change of H, L or ū as found; infinite where it jumps no more."""
     changes = [abs(row[f"{name}_change"]) for name in VARIABLES]
     return float(max(changes)) if row["status"] == "finished" and np.isfinite(changes).all() else math.inf
 
 
-def bound(row: pd.Series) -> float:
+def change_bound(row: pd.Series) -> float:
     """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
     bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
     return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
@@ -206,7 +206,7 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
         raise ValueError(f"tolerance must be above 0 and at most 0.5, got {tolerance!r}")
     scenes = reduced(scene)
     full = scenes["full"]
-    raw, count, total = enough(scenes, SHARPNESS * tolerance, executor, progress)
+    raw, count, total = fly_to_error(scenes, SHARPNESS * tolerance, executor, progress)
     tried: list[dict[str, Any]] = []
 
     def settled(raw: pd.DataFrame, scenes: dict[str, Scene]) -> pd.DataFrame:
@@ -215,12 +215,12 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
         jumps = count
         while True:
             table = compare(raw)
-            undecided = {name: made for name, made in scenes.items() if nearest(table.loc[name]) <= tolerance < bound(table.loc[name])}
+            undecided = {name: made for name, made in scenes.items() if largest_change(table.loc[name]) <= tolerance < change_bound(table.loc[name])}
             if not undecided or jumps >= cases.MOST or full.run.jumps is None:
                 return table
             jumps = min(cases.MOST, 4 * jumps)
             more = fly({"full": full} | undecided, jumps, executor, None)
-            total += flown(more, full)
+            total += jumps_flown(more, full)
             raw = pd.concat([more, raw.drop(more.index)]).loc[raw.index]
 
     table = settled(raw, {name: made for name, made in scenes.items() if name != "full"})
@@ -237,20 +237,20 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
             except SceneError:  # what is left makes no scene
                 return False
             flight = fly(trial, count, executor, None)
-            total += flown(flight, full)
+            total += jumps_flown(flight, full)
             last = settled(pd.concat([raw.iloc[:1], flight]), trial).iloc[1]
-            tried.append({"left_out": list(names), "bound": shown(last)})
-        if bound(last) <= tolerance:
+            tried.append({"left_out": list(names), "bound": bound_or_reason(last)})
+        if change_bound(last) <= tolerance:
             rows["chosen"] = last
-        return bound(last) <= tolerance
+        return change_bound(last) <= tolerance
 
     left_out: list[str] = []
     if rows["full"]["status"] == "finished" and rows["full"]["jumps"] > 0:
-        bounds = {name: bound(row) for name, row in rows.items() if name != "full" and name not in NEEDED}
+        bounds = {name: change_bound(row) for name, row in rows.items() if name != "full" and name not in NEEDED}
         left_out = sorted((name for name, value in bounds.items() if value <= tolerance), key=bounds.__getitem__)
         while left_out and not fits(left_out):
             left_out.pop()
-        for name in full.names:  # what nothing needs any more
+        for name in full.names:  # such as what no other effect needs any more
             if left_out and name not in rows and name not in NEEDED and fits([*left_out, name]):
                 left_out.append(name)
     chosen = without(full, left_out)
@@ -262,7 +262,7 @@ def choose(scene: Scene, tolerance: float | None = None, executor: Executor | No
         "kept": list(chosen.names),
         "full": means(rows["full"]),
         "chosen": means(rows["chosen"] if left_out else rows["full"]),
-        "bounds": {str(name): shown(row) for name, row in table.iloc[1:].iterrows()},
+        "bounds": {str(name): bound_or_reason(row) for name, row in table.iloc[1:].iterrows()},
         "tried": tried,
         "jumps": total,
     }
@@ -274,7 +274,7 @@ def means(row: pd.Series) -> dict[str, float]:
     return {name: float(row[name]) for name in VARIABLES if math.isfinite(row[name])}
 
 
-def shown(row: pd.Series) -> float | str:
+def bound_or_reason(row: pd.Series) -> float | str:
     """The bound, or why there is none."""
-    value = bound(row)
+    value = change_bound(row)
     return value if math.isfinite(value) else "no jumps" if row["status"] == "finished" else str(row["status"])

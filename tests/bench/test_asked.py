@@ -92,7 +92,7 @@ def test_auto_is_as_a_full_ablation(data):
     found = data["choosing"]
     for which in choosing.CHOICES:
         for name in found["sets"]:
-            assert choosing.true_row(found, name, which)["largest"] <= choosing.tolerance_of(found, which)
+            assert choosing.reference_row(found, name, which)["largest"] <= choosing.tolerance_of(found, which)
             assert choosing.fewest(found, name, which)
             assert all(set(run["left_out"]) == set(choosing.dropped(found, name, which)) for run in found[which][name])
     assert not {"history", "magnus"} & set(choosing.dropped(found, "sand")) and "history" in choosing.dropped(found, "gravel")

@@ -29,7 +29,7 @@ def keys_of(content):
 
 
 def test_every_run_of_the_suite_is_a_scene():
-    tasks = suite.memory_tasks(JUMPS) | suite.grid_tasks(JUMPS) | suite.lever_tasks(JUMPS) | suite.other_tasks(JUMPS, JUMPS)
+    tasks = suite.memory_tasks(JUMPS) | suite.grid_tasks(JUMPS) | suite.modification_tasks(JUMPS) | suite.other_tasks(JUMPS, JUMPS)
     for task in tasks.values():
         scene_of(task.scene)
     assert len(tasks) > 300
@@ -41,7 +41,7 @@ def test_the_short_form_gives_what_the_page_needs(data):
     chosen = {key: tasks[key] for key in tasks if key[1] == 1 and key[2] in ("no history", "remembered", JUMPS)}
     tasks = suite.grid_tasks(JUMPS)
     chosen |= {key: tasks[key] for key in tasks if key[1:3] == (73, 1.87) and key[4] in ("swamee, clip", "swamee, reject", "torque without ρ/ρ_s")}
-    tasks = suite.lever_tasks(JUMPS)
+    tasks = suite.modification_tasks(JUMPS)
     chosen |= {key: tasks[key] for key in tasks if key[1] == "sand" and key[3] in ("base", "reading reject")}
     tasks = suite.other_tasks(JUMPS, 60)
     chosen |= {key: tasks[key] for key in tasks if key[0] in ("forces", "diffusion") or key == ("heights", "G")}
@@ -129,7 +129,7 @@ def test_what_is_said_of_the_envelope_holds(data):
 def test_what_is_said_of_effects_holds(data):
     assert saltation.ratio(data, "sand", "torque without ρ/ρ_s") < 0.9
     assert saltation.ratio(data, "sand", "rebound 3-B letter by letter") < 0.4
-    assert abs(saltation.lever(data, "sand", "contact without sticking limit")["change"]["height"]["mean"]) < saltation.SAME
+    assert abs(saltation.modification(data, "sand", "contact without sticking limit")["change"]["height"]["mean"]) < saltation.SAME
     assert saltation.ratio(data, "gravel", "history") == pytest.approx(1.0, abs=0.05)
     assert saltation.ratio(data, "gravel", "Magnus") < 0.2
     assert max(map(abs, saltation.spin_offsets(data, "swamee, clip"))) < 0.1

@@ -163,7 +163,7 @@ def cloud_scene(number: int, duration: float, **changes: Any) -> Any:
 def starting(places: Any, velocities: Any, spins: Any = None) -> Iterator[None]:
     """Clouds set out from here: positions (d), velocities (V) and spins (V/d), (grain, 3)."""
     arrays = [np.array(values, dtype=np.float64) for values in (places, velocities, np.zeros(np.shape(places)) if spins is None else spins)]
-    with mock.patch("saltation.flight.crowd.starts", lambda engine: tuple(arrays)):
+    with mock.patch("saltation.flight.cloud.starts", lambda engine: tuple(arrays)):
         yield
 
 

@@ -16,7 +16,7 @@ from saltation import cli, front
 from saltation._keys import key_of, text_of
 from saltation.effects import EFFECTS
 from saltation.plots import choices as advice_plots
-from saltation.results.files import WORDS, words_of
+from saltation.results.files import RUN_FIELDS, run_json_of
 from saltation.results.folder import begun
 from saltation.scene import SceneError, scene_of, shipped
 from saltation.study import cases, choices
@@ -98,7 +98,7 @@ class TestCompare:
         assert found.loc["lift", "height_change"] == pytest.approx(-0.25)
         assert found.loc["lift", "velocity_change"] == pytest.approx(0.2)
         assert found.loc["lift", "height_error"] == pytest.approx(0.75 * math.sqrt(2.0) * 0.001)  # of a ratio: relative errors add in squares
-        assert advice.bound(found.loc["lift"]) == pytest.approx(0.25 + 1.96 * 0.75 * math.sqrt(2.0) * 0.001)
+        assert advice.change_bound(found.loc["lift"]) == pytest.approx(0.25 + 1.96 * 0.75 * math.sqrt(2.0) * 0.001)
         assert found.loc["full", "height_error"] == pytest.approx(0.001) and found.loc["full", "height_change"] == 0.0
 
     def test_the_error_is_that_of_a_ratio_of_means(self):
@@ -111,8 +111,8 @@ class TestCompare:
 
     def test_a_run_that_does_not_finish_bounds_nothing(self):
         found = cases.compare(table_of(full=("finished", 2.0, 10.0, 5.0), drag=("at rest", 2.0, 10.0, 5.0)))
-        assert advice.bound(found.loc["drag"]) == math.inf
-        assert advice.shown(found.loc["drag"]) == "at rest"
+        assert advice.change_bound(found.loc["drag"]) == math.inf
+        assert advice.bound_or_reason(found.loc["drag"]) == "at rest"
 
 
 class TestChoose:
@@ -226,10 +226,10 @@ class TestChoose:
     def test_jumps_are_enough_for_the_error(self, monkeypatch, flown):
         monkeypatch.setattr(cases, "PILOT", 400)
         seen = []
-        monkeypatch.setattr(cases, "long", lambda scene, jumps: seen.append(jumps) or scene)
-        cases.enough({"full": saltation.load("sand")}, 0.5e-5, None, None)  # a standard error of 1e-4 after 400 jumps
+        monkeypatch.setattr(cases, "with_jumps", lambda scene, jumps: seen.append(jumps) or scene)
+        cases.fly_to_error({"full": saltation.load("sand")}, 0.5e-5, None, None)  # a standard error of 1e-4 after 400 jumps
         assert seen == [400, cases.MOST]
-        cases.enough({"full": saltation.load("sand")}, 5e-5, None, None)
+        cases.fly_to_error({"full": saltation.load("sand")}, 5e-5, None, None)
         assert seen[2:] == [400, 1600]
 
 
@@ -283,7 +283,7 @@ class TestAuto:
         auto = scene_of(merged(saltation.load("sand_cloud").model_dump(exclude_none=True), {"effects": "auto"}))
         assert begun(auto, tmp_path) is None
         made = auto.changed(effects=["weight"], chosen=EVIDENCE | {"of": key_of(auto)}, encounters=None)
-        (tmp_path / "run.json").write_text(words_of(dict.fromkeys(WORDS) | {"scene": json.loads(text_of(made))}))
+        (tmp_path / "run.json").write_text(run_json_of(dict.fromkeys(RUN_FIELDS) | {"scene": json.loads(text_of(made))}))
         assert begun(auto, tmp_path) == made
         assert begun(auto.changed(run={"seed": 2}), tmp_path) is None
 
@@ -322,14 +322,16 @@ class TestOtherChoices:
     """What measurement has not settled."""
 
     def test_a_preset_is_written_out(self):
-        made = cases.listed(scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"effects": "nino_garcia_1994", "rotation": None})))
+        made = cases.with_listed_effects(
+            scene_of(merged(saltation.load("sand").model_dump(exclude_none=True), {"effects": "nino_garcia_1994", "rotation": None}))
+        )
         assert made.in_plane and made.options("rotation").law == "prescribed"
         assert list(made.names) == made.effects
         assert all(case.in_plane and case.options("rotation").law == "prescribed" for case in advice.reduced(made).values())
 
     def test_a_longer_run_has_a_memory_as_long(self):
         made = saltation.load("sand").changed(history={"horizon": 500.0})
-        assert cases.long(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
+        assert cases.with_jumps(made, 2000).horizon == saltation.load("sand").horizon / 220 * 2020
 
     def test_a_grain_as_heavy_as_its_fluid_has_no_typical_jump(self):
         made = plain(grain={"density": 1000.0}, channel={"transport_stage": None, "shear_velocity": 0.03})

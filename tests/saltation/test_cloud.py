@@ -18,10 +18,10 @@ import saltation
 from basset.solvers import stepper
 from basset.solvers._tables import tables_of
 from saltation import simulation
-from saltation.flight import crowd, layout
-from saltation.flight.crowd import starts
+from saltation.flight import cloud, layout
+from saltation.flight.cloud import starts
 from saltation.flight.setup import Engine, Grain, Start, empty_record, tables_for
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.results.folder import Folder
 from saltation.results.tables import table_of
 
@@ -87,7 +87,7 @@ def test_without_encounters_each_flies_as_if_alone():
             kind, h = int(steps.kind[step]), steps.size[step]
             stepper.fit_polynomial(nodes, kind, h, steps.values[step], polynomial)
             stepper.all_at(polynomial, steps.y[step], kind, min(1.0, (when - steps.start[step]) / h), row)
-            row[3] += both(engine.profile, row[2])[0]
+            row[3] += velocity_and_shear(engine.profile, row[2])[0]
             assert (row[:6] == kept[k, i]).all()
             compared += 1
     assert compared > 45 * 40
@@ -103,7 +103,7 @@ def test_without_encounters_each_flies_as_if_alone():
         (simulation, "SLICE", 10**9),
         (simulation, "PART", 45),
         (simulation, "PART", PIECE),
-        (crowd, "BUFFER", 7),
+        (cloud, "BUFFER", 7),
     ],
 )
 def test_a_run_in_pieces_is_the_same(module, name, size, whole, monkeypatch):

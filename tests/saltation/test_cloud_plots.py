@@ -161,7 +161,7 @@ def test_three_grains_in_a_chain_come_into_one_image(result):
 
 def test_pair_points_at_every_contact(result):
     figure = CLOUD_PLOTS["pair"](result)
-    found = highlights.clean_pair(result, "pair")
+    found = highlights.undisturbed_pair(result, "pair")
     low, high = found.row["time"] - 1.3 * PERIOD, found.row["time"] + 1.3 * PERIOD
     contacts = sum(((path.time > low) & (path.time < high) & (path.kind != 0)).sum() for path in found.tracks)
     assert all(len(axes.texts) == contacts for axes in figure.axes)
@@ -201,7 +201,7 @@ def test_profiles_are_those_of_the_result(result):
     assert figure.axes[0].lines[0].get_xdata() == pytest.approx(100.0 * table["concentration"].to_numpy())
     stream = next(line for line in figure.axes[1].lines if line.get_linestyle() == "--")
     height, velocity = stream.get_ydata()[-1], stream.get_xdata()[-1]
-    assert velocity == pytest.approx(result.scene.profile.both(height)[0])
+    assert velocity == pytest.approx(result.scene.profile.velocity_and_shear(height)[0])
 
 
 def test_changes_per_encounter(result):

@@ -151,12 +151,12 @@ class TestAgainstTheSolverOfBasset:
             return y[1] - 0.5
 
         def rebound(t, y):
-            stream = profile.both(y[1])[0]
+            stream = profile.velocity_and_shear(y[1])[0]
             after = strike((0.0, 0.0, 1.0), (y[2] + stream, 0.0, y[3]), (0.0, y[4], 0.0))
             return np.array([y[0], y[1], after[0] - stream, after[2], after[4]])
 
         bed.direction, bed.jump = -1.0, rebound
-        stream = profile.both(0.5)[0]
+        stream = profile.velocity_and_shear(0.5)[0]
         end = float(jumps["start"][3] + jumps["duration"][3]) + 1e-6
         solved = basset.solve(
             self.equations(engine),

@@ -25,7 +25,7 @@ def test_another_set_of_effects_compiles_no_step(changes, solver):
     made = scene("sand", **short, **changes)
     with numba.core.event.install_listener("numba:compile", found := Compilations()):
         warm(made)
-    steps = {"march", "attempted", "solved_diagonally", "accepted", "cut", "landed", "looked", "flown", "cut_memory", "steps", "newton"}
+    steps = {"march", "attempted", "solved_diagonally", "accepted", "cut", "landed", "looked", "checked", "flown", "cut_memory", "steps", "newton"}
     assert not steps & set(found.names)
 
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from basset._compile import compiled, digest_of
 from saltation.effects import EFFECTS, added_mass, drag, history, lift, magnus, rotation, weight
 from saltation.effects.base import NoTorque, Setting, Situation, force, torque, total_force
-from saltation.flow import both, profile_of, tabulated
+from saltation.flow import profile_of, tabulated, velocity_and_shear
 from saltation.grain import GRAVITY, numbers_of
 
 pytestmark = pytest.mark.analytic
@@ -35,7 +35,7 @@ JOINTS = (1.0, 10.0, 20.0, 50.0)
 
 
 def situation(z=1.3, slip=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), profile=SWAMEE):
-    return Situation(z, *slip, *both(profile, z), *spin)
+    return Situation(z, *slip, *velocity_and_shear(profile, z), *spin)
 
 
 def situations(count, seed):
@@ -194,7 +194,7 @@ class TestLift:
     def test_the_difference_of_squares(self):
         """¾ C_L (|u_r|² half a diameter above − |u_r|² half a diameter below), from velocities; normal to the bed only."""
         for s in situations(100, 4):
-            slips = [slip_of(s) + np.array([s.stream - both(SWAMEE, s.z + side)[0], 0.0, 0.0]) for side in (0.5, -0.5)]
+            slips = [slip_of(s) + np.array([s.stream - velocity_and_shear(SWAMEE, s.z + side)[0], 0.0, 0.0]) for side in (0.5, -0.5)]
             squares = [u @ u for u in slips]
             x, y, z = self.EFFECT.force(s)
             assert (x, y) == (0.0, 0.0)
@@ -203,8 +203,8 @@ class TestLift:
     def test_the_lower_point_below_the_bed(self):
         """No stream there: 2 u u_t − u_t² remains, with its sign."""
         for z in (0.5, 0.45, 0.31):
-            top = both(SWAMEE, z + 0.5)[0]
-            s = situation(z, slip=(2.0 - both(SWAMEE, z)[0], 0.0, 0.0))
+            top = velocity_and_shear(SWAMEE, z + 0.5)[0]
+            s = situation(z, slip=(2.0 - velocity_and_shear(SWAMEE, z)[0], 0.0, 0.0))
             assert self.EFFECT.force(s)[2] == pytest.approx(0.15 * ((2.0 - top) ** 2 - 2.0**2), rel=1e-13)
 
     def test_a_slow_grain_is_lifted_and_a_fast_one_pressed_down(self):
@@ -237,7 +237,7 @@ class TestMagnus:
 
     def test_sign(self):
         """A grain slower than the stream that turns forward faster than it rises; turning slower, or faster than the stream, it is pressed down."""
-        shear = both(SWAMEE, 1.3)[1]
+        shear = velocity_and_shear(SWAMEE, 1.3)[1]
         for effect in (self.VERTICAL, self.VECTOR):
             rises = [effect.force(situation(slip=(u, 0.0, 0.0), spin=(0.0, o, 0.0)))[2] for u in (-3.0, 3.0) for o in (shear, 0.0)]
             assert [math.copysign(1.0, z) for z in rises] == [1.0, -1.0, -1.0, 1.0]
@@ -313,7 +313,7 @@ class TestRotation:
 
     def test_at_rest_in_the_fluid(self):
         """Half the vorticity is the spin of the fluid: no torque there, and finite beside it."""
-        shear = both(SWAMEE, 1.3)[1]
+        shear = velocity_and_shear(SWAMEE, 1.3)[1]
         assert self.EFFECT.torque(situation(spin=(0.0, 0.5 * shear, 0.0))) == (0.0, 0.0, 0.0)
         assert all(map(math.isfinite, self.EFFECT.torque(situation(spin=(1e-300, 0.5 * shear, 0.0)))))
         assert self.EFFECT.torque(situation())[1] > 0.0  # the stream turns a grain forward

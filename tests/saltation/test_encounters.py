@@ -15,10 +15,9 @@ from scipy.spatial import cKDTree
 import saltation
 from basset._compile import compiled
 from saltation.bed.contact import strike_pair
+from saltation.flight import cloud, loop
 from saltation.flight import collisions as encounters
-from saltation.flight import crowd as cloud
-from saltation.flight import loop
-from saltation.flight.collisions import BEND, PACE, ROOT, SPREAD, UNSEEN, U, W
+from saltation.flight.collisions import BEND, DEEPEST_OVERLAP, PACE, ROOT, SPREAD, U, W
 
 TOUCH = 1e-12  # d: surfaces nearer than this (and rounding of the time, 1e-14 of it) touch; the rest is rounding
 ELASTIC = {"restitution": 1.0, "friction": 0.0, "slowest": 0.0}
@@ -286,9 +285,9 @@ def test_no_two_grains_ever_overlap(name, request):
         here = path.isel(time=k)
         places = np.column_stack([here["x"] % length, here["y"] % width, here["z"]])
         worst = min(worst, cKDTree(places, boxsize=[length, width, 0.0]).query(places, k=2)[0][:, 1].min())
-    assert worst > 1.0 - UNSEEN
+    assert worst > 1.0 - DEEPEST_OVERLAP
     met = result.encounters
-    assert (np.abs(met["distance"] - 1.0) < UNSEEN).all()
+    assert (np.abs(met["distance"] - 1.0) < DEEPEST_OVERLAP).all()
     assert (np.diff(met["time"]) >= 0.0).all()
 
 
@@ -314,13 +313,13 @@ def test_the_cells_hide_nobody(name, request, monkeypatch):
 def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
     """At ten places of every step: positions against Gauss's rule, what leaves the chord against the bounds; it begins with the state's velocity."""
     kinds, x, w = [], *np.polynomial.legendre.leggauss(6)
-    describe = encounters.describe
+    describe = encounters.describe_path
 
     def checked(model, singular, h, share, y, course, path):
         half = describe(model, singular, h, share, y, course, path)
-        flown = lambda s: [np.array(value) for value in encounters.flown(model, course, s)]  # noqa: E731
+        flown = lambda s: [np.array(value) for value in encounters.place_and_velocity(model, course, s)]  # noqa: E731
         kinds.append(singular)
-        stream = loop.both(model.profile, y[2])[0]
+        stream = loop.velocity_and_shear(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
         assert np.abs(flown(0.0)[0]).max() < 1e-14
         chord = path[U : W + 1]
@@ -397,9 +396,9 @@ def test_in_no_cloud_two_grains_overlap_or_meet_while_they_part(changes):
         assert "no room" in str(error)
         return
     assert result.status in ("finished", "pile-up"), result.message
-    assert np.nanmin(separations(result), initial=1.0) > 1.0 - UNSEEN
+    assert np.nanmin(separations(result), initial=1.0) > 1.0 - DEEPEST_OVERLAP
     met = result.encounters
-    assert (np.abs(met["distance"] - 1.0) < UNSEEN).all()
+    assert (np.abs(met["distance"] - 1.0) < DEEPEST_OVERLAP).all()
     n = met[["n_x", "n_y", "n_z"]].to_numpy()
     u, v = vectors(met, "first", "second")
     assert (((u - v) * n).sum(1) > (0.0 if made.options("encounters").slowest > 0.0 else -TOUCH)).all()
@@ -458,7 +457,7 @@ class Spheres:
 
 
 @pytest.mark.parametrize("restitution", [1.0, 0.7])
-def test_a_crowd_against_the_exact_motion(restitution):
+def test_many_grains_against_the_exact_motion(restitution):
     """Every encounter in its turn, and no further off than a motion from starts that are 1e-12 d beside: each magnifies all differences."""
     rng = np.random.default_rng(41)
     made = cloud_scene(
@@ -586,7 +585,7 @@ def test_no_room_is_one_sentence(monkeypatch):
 # Symmetry
 
 
-def crowd(seed):
+def eight_grains(seed):
     rng = np.random.default_rng(seed)
     lattice = np.array([(a, b, c) for a in range(2) for b in range(2) for c in range(2)])
     places = lattice * [1.5, 1.5, 1.4] + [4.0, 4.0, 0.8] + rng.uniform(-0.15, 0.15, (8, 3))
@@ -598,7 +597,7 @@ SYMMETRIC = {"bed": FLAT | {"restitution": 0.65, "friction": 0.1}, "cloud": {"in
 
 def test_mirrored_across_the_stream():
     """Velocities mirror as vectors, spins as pseudovectors."""
-    places, velocities, spins = crowd(51)
+    places, velocities, spins = eight_grains(51)
     made = cloud_scene(8, 1.5, **SYMMETRIC)
     here, there = fly_cloud(made, places, velocities, spins), fly_cloud(made, places * [1, -1, 1], velocities * [1, -1, 1], spins * [-1, 1, -1])
     assert len(here.encounters) > 5
@@ -611,7 +610,7 @@ def test_mirrored_across_the_stream():
 
 def test_numbers_are_names():
     """A bed that draws nothing: grains in another order are the same motion."""
-    places, velocities, spins = crowd(52)
+    places, velocities, spins = eight_grains(52)
     made = cloud_scene(8, 1.5, **SYMMETRIC)
     order = np.array([3, 1, 7, 0, 5, 2, 6, 4])
     here, there = fly_cloud(made, places, velocities, spins), fly_cloud(made, places[order], velocities[order], spins[order])

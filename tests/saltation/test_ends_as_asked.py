@@ -59,7 +59,7 @@ class TestMemory:
 
     def test_a_longer_run_keeps_what_is_given(self):
         made = saltation.load("sand").changed(history={"horizon": 1e5})
-        assert cases.long(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
+        assert cases.with_jumps(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
 
 
 class TestWithoutABed:
@@ -124,8 +124,6 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     (COARSE | {"history": {"scheme": "windowed", "window": 0.03}}, ("history.window", "one step", "d/u*")),
     (COARSE | {"history": {"scheme": "hinsberg", "window": 0.09}}, ("history.window", "one step", "d/u*")),
     (COARSE | {"history": {"scheme": "windowed", "window": 0.1, "order": 3, "tail": "fitted"}}, ("history.window", "2 steps")),
-    (FIXED | {"history": {"scheme": "windowed", "rule": "semi_derivative", "window": 3.0, "tail": "fitted"}}, ("history.tail", "daitche", "semi_derivative")),
-    (FIXED | {"history": {"scheme": "windowed", "rule": "brush", "window": 3.0, "tail": "van_hinsberg"}}, ("history.tail", "daitche", "brush")),
     (FIXED | {"history": {"scheme": "windowed", "window": 3.0, "rtol": 1e-6}}, ("history.rtol", "tail")),
     ({"history": {"order": 3}}, ("history.order", "collocation")),
     ({"history": {"rtol": 1e-8}}, ("history.rtol", "collocation")),

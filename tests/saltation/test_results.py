@@ -149,7 +149,7 @@ class TestForces:
         path, piece = sand.trajectory, flights(sand)[0]
         made = sand.scene
         time, z = path["time"].to_numpy()[piece], path["z"].to_numpy()[piece]
-        stream = np.array([made.profile.both(height)[0] for height in z])
+        stream = np.array([made.profile.velocity_and_shear(height)[0] for height in z])
         slips = np.stack([path["u"].to_numpy()[piece] - stream, path["v"].to_numpy()[piece], path["w"].to_numpy()[piece]], axis=1)
         even = np.linspace(0.0, time[-1], 8001)
         samples = CubicSpline(np.sqrt(time), slips)(np.sqrt(even))
@@ -162,7 +162,7 @@ class TestForces:
         """Drag against the slip, weight constant: not only their sum."""
         path, n = without.trajectory, without.scene.numbers
         np.testing.assert_allclose(path["weight_z"], -n.alpha / n.shields, rtol=1e-14)
-        stream = np.array([without.scene.profile.both(z)[0] for z in path["z"].to_numpy()])
+        stream = np.array([without.scene.profile.velocity_and_shear(z)[0] for z in path["z"].to_numpy()])
         slip = np.stack([path["u"].to_numpy() - stream, path["v"].to_numpy(), path["w"].to_numpy()], axis=1)
         drag = np.stack([path[f"drag_{axis}"] for axis in AXES], axis=1)
         power = (slip * drag).sum(axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from saltation.bed.roughness import CLIP, LITERAL, READINGS, REJECT, ROUGHNESS, SPHERES, STEEPEST, TILT, angles, facing, truncated_normal
+from saltation.bed.roughness import CLIP, LITERAL, READINGS, REJECT, ROUGHNESS, SPHERES, STEEPEST, TILT, angles, contact_plane, truncated_normal
 
 TOUCHING = ("R1", "R5", "R6", "R7", "R8")
 LIMIT = 1e-12  # radians, rounding
@@ -116,8 +116,10 @@ class TestReject:
     def test_runs_with_r5_and_r6_are_equal_and_so_with_r7_and_r8(self):
         for one, two in (("R5", "R6"), ("R7", "R8")):
             for v, d in zip(velocities(500, 8), draws(500, 9), strict=True):
-                assert facing(bed(one, REJECT), *v, d) == facing(bed(two, REJECT), *v, d)
-        different = sum(facing(bed("R5", CLIP), *v, d) != facing(bed("R6", CLIP), *v, d) for v, d in zip(velocities(500, 8), draws(500, 9), strict=True))
+                assert contact_plane(bed(one, REJECT), *v, d) == contact_plane(bed(two, REJECT), *v, d)
+        different = sum(
+            contact_plane(bed("R5", CLIP), *v, d) != contact_plane(bed("R6", CLIP), *v, d) for v, d in zip(velocities(500, 8), draws(500, 9), strict=True)
+        )
         assert different > 400
 
     def test_bounded_and_clipped_is_the_upstream_face(self):
@@ -180,7 +182,7 @@ class TestSpheres:
             assert not clipped.any()
             w = -math.sin(incidence)
             for d in draws(100, 13):
-                n, *_ = facing(bed("R1", SPHERES), math.cos(incidence), 0.0, w, d)
+                n, *_ = contact_plane(bed("R1", SPHERES), math.cos(incidence), 0.0, w, d)
                 assert -(math.cos(incidence) * n[0] + w * n[2]) >= -LIMIT
 
     def test_across_it_closes_too(self):
@@ -235,7 +237,7 @@ class TestPlanesAndUniform:
     def test_flat(self):
         """A smooth wall at the bed level: the grain stands half a diameter above it."""
         for v, d in zip(velocities(20, 19), draws(20, 20), strict=True):
-            assert facing(bed("flat", depth=0.5), *v, d) == ((0.0, 0.0, 1.0), 0.5, 0.0, 0.0)
+            assert contact_plane(bed("flat", depth=0.5), *v, d) == ((0.0, 0.0, 1.0), 0.5, 0.0, 0.0)
 
 
 class TestFacing:
@@ -243,7 +245,7 @@ class TestFacing:
     @pytest.mark.parametrize("name", ROUGHNESS)
     def test_normals_are_unit_vectors_into_the_water(self, name, reading):
         for v, d in zip(velocities(200, 21), draws(200, 22), strict=True):
-            n, height, theta, _ = facing(bed(name, reading), *v, d)
+            n, height, theta, _ = contact_plane(bed(name, reading), *v, d)
             assert math.hypot(*n) == pytest.approx(1.0, abs=1e-15)
             assert n[2] > 0.0
             assert height == pytest.approx(n[2] - 0.25, abs=1e-15)
@@ -253,7 +255,7 @@ class TestFacing:
         """(−sin θ_b cos α_b, −sin α_b, cos θ_b cos α_b) for a grain that moves along x and to the left."""
         d = (0.7, 0.9, 0.2, 0.5)
         theta, alpha = 0.7 * STEEPEST, 0.8 * STEEPEST
-        n, height, tilt, _ = facing(bed("R4"), 3.0, 0.5, -1.0, d)
+        n, height, tilt, _ = contact_plane(bed("R4"), 3.0, 0.5, -1.0, d)
         assert n == pytest.approx((-math.sin(theta) * math.cos(alpha), -math.sin(alpha), math.cos(theta) * math.cos(alpha)), abs=1e-15)
         assert height == pytest.approx(math.cos(theta) * math.cos(alpha) - 0.25, abs=1e-15)
         assert tilt == pytest.approx(theta, abs=1e-15)
@@ -262,23 +264,23 @@ class TestFacing:
     def test_mirrored_for_motion_upstream_and_to_the_right(self, name):
         for v, d in zip(velocities(100, 23), draws(100, 24), strict=True):
             u, across, w = abs(v[0]), abs(v[1]), v[2]
-            n, *rest = facing(bed(name), u, across, w, d)
-            assert facing(bed(name), -u, across, w, d) == ((-n[0], n[1], n[2]), *rest)
-            assert facing(bed(name), u, -across, w, d) == ((n[0], -n[1], n[2]), *rest)
+            n, *rest = contact_plane(bed(name), u, across, w, d)
+            assert contact_plane(bed(name), -u, across, w, d) == ((-n[0], n[1], n[2]), *rest)
+            assert contact_plane(bed(name), u, -across, w, d) == ((n[0], -n[1], n[2]), *rest)
 
     @pytest.mark.parametrize("reading", range(len(READINGS)), ids=READINGS)
     @pytest.mark.parametrize("name", ["R1", "R5", "R6"])
     def test_without_motion_across_there_is_no_tilt_across(self, name, reading):
         for d in draws(100, 25):
-            n, *_ = facing(bed(name, reading), 4.0, 0.0, -1.0, d)
+            n, *_ = contact_plane(bed(name, reading), 4.0, 0.0, -1.0, d)
             assert n[1] == 0.0
 
     def test_scatter_across_can_be_switched_off(self):
         for name in ROUGHNESS:
             for v, d in zip(velocities(50, 26), draws(50, 27), strict=True):
-                n, _, theta, _ = facing(bed(name, scatter=0.0), *v, d)
+                n, _, theta, _ = contact_plane(bed(name, scatter=0.0), *v, d)
                 assert n[1] == 0.0
-                assert theta == facing(bed(name), *v, d)[2]
+                assert theta == contact_plane(bed(name), *v, d)[2]
 
     @pytest.mark.parametrize("reading", range(len(READINGS)), ids=READINGS)
     @pytest.mark.parametrize("name", ROUGHNESS)
@@ -289,14 +291,14 @@ class TestFacing:
             for v in speeds[:5]:
                 for w in (-1.0, -1e-9, -1e-300, 0.0, 0.5):
                     for share in (1e-10, 0.5, 1.0 - 1e-10):
-                        n, height, theta, clipped = facing(bed(name, reading), u, v, w, (share, share, share, share))
+                        n, height, theta, clipped = contact_plane(bed(name, reading), u, v, w, (share, share, share, share))
                         assert all(map(math.isfinite, (*n, height, theta, clipped)))
                         assert math.hypot(*n) == pytest.approx(1.0, abs=1e-14)
                         assert abs(theta) <= 0.5 * math.pi
 
     def test_straight_down_meets_the_crest(self):
         for name in ("R1", "R5", "R6"):
-            assert facing(bed(name), 0.0, 0.0, -1.0, (0.3, 0.3, 0.3, 0.3)) == ((0.0, 0.0, 1.0), 0.75, 0.0, 0.0)
+            assert contact_plane(bed(name), 0.0, 0.0, -1.0, (0.3, 0.3, 0.3, 0.3)) == ((0.0, 0.0, 1.0), 0.75, 0.0, 0.0)
 
     def test_steep_falls_are_never_thrown_beyond_head_on(self):
         """θ_in + θ_b ≤ 90°: the offset r is on the upper side of the path."""
@@ -307,12 +309,12 @@ class TestFacing:
 
     def test_heights_of_contact(self):
         """0.75 on a crest and 0.62 at 30°, the bed level a quarter below the crests."""
-        crest = facing(bed("R4"), 1.0, 0.0, -1.0, (0.0, 0.5, 0.5, 0.5))
-        face = facing(bed("R4"), 1.0, 0.0, -1.0, (1.0, 0.5, 0.5, 0.5))
+        crest = contact_plane(bed("R4"), 1.0, 0.0, -1.0, (0.0, 0.5, 0.5, 0.5))
+        face = contact_plane(bed("R4"), 1.0, 0.0, -1.0, (1.0, 0.5, 0.5, 0.5))
         assert crest[1] == 0.75
         assert round(face[1], 2) == 0.62
         assert math.degrees(face[2]) == pytest.approx(30.0)
 
     def test_motion_upwards_counts_as_level(self):
         for d in draws(50, 28):
-            assert facing(bed("R5"), 2.0, 1.0, 0.7, d) == facing(bed("R5"), 2.0, 1.0, 0.0, d)
+            assert contact_plane(bed("R5"), 2.0, 1.0, 0.7, d) == contact_plane(bed("R5"), 2.0, 1.0, 0.0, d)

@@ -356,18 +356,6 @@ class TestOverlap:
         finer = [bands(stages, *(np.interp(stages, [1.0, 3.0], ends) for ends in both)) for both in (([1.0, 2.0], [0.5, 0.9]), ([2.0, 0.5], [0.2, 1.4]))]
         assert st.overlap_index(*finer) == pytest.approx(st.overlap_index(reference, simulated), rel=1e-12)
 
-    def test_runs_to_table(self):
-        jumps = {stage: pd.DataFrame({"height": [1.0, 3.0], "length": [8.0, 8.0], "velocity": [5.0, 7.0]}) * stage for stage in (2.0, 3.0)}
-        table = st.run_table(jumps)
-        assert list(table.columns) == ["variable", "T", "mean", "sd", "standard_error", "n"]
-        height = table[table["variable"] == "height"]
-        assert list(height["mean"]) == [4.0, 6.0]
-        assert list(height["sd"]) == pytest.approx([2.0 * math.sqrt(2.0), 3.0 * math.sqrt(2.0)])
-        assert set(table["n"]) == {2}
-        assert st.error_index(table, table) == 0.0
-        with pytest.raises(ValueError, match="the transport stage of a run must be a finite number greater than 0, got 0"):
-            st.run_table({0.0: jumps[2.0]})
-
     def test_refused(self):
         good = self.reference
         with pytest.raises(ValueError, match=r"reference must give the sd of height at T = 3 for an overlap area, got none: use error_index"):

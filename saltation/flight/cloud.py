@@ -1,4 +1,4 @@
-"""Many grains made ready to fly: where they set out, and the loop around `collisions.advance`."""
+"""Many grains before and during a run: where they start, and the loop around `collisions.advance`."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
 from saltation.flight import collisions, equations, layout
-from saltation.flight.collisions import UNTIL, empty_crowd
+from saltation.flight.collisions import UNTIL, empty_grains
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
-from saltation.flow import both
+from saltation.flow import velocity_and_shear
 from saltation.scene import SceneError
 
 SMALLEST_CELL = 2.0  # d
 ROUNDS = 2000  # of placing grains that would overlap anew
 COARSE = 1e3  # tolerance of a step between contacts that follow each other too closely
-ROUNDED = 1.0 + 1e-12  # times this, a time is not before a multiple of the interval that is the same but for rounding
+ROUNDED = 1.0 + 1e-12  # factor of a time, so that rounding leaves out no multiple of the interval
 BUFFER = 4096  # rows of jumps and of encounters between two visits of the caller
 GOES_ON = (layout.REST, layout.ALOFT, collisions.JUMPS_FULL, collisions.ENCOUNTERS_FULL)  # after which a run does
 
@@ -53,7 +53,7 @@ def starts(engine: Engine) -> tuple[Floats, Floats, Floats]:
 
 
 class Cloud:
-    """A cloud under way: all its grains as plain arrays, advanced as far as asked."""
+    """A cloud during a run: all its grains as plain arrays, advanced as far as asked."""
 
     def __init__(self, engine: Engine, grains: range | None = None) -> None:
         """All grains, or some neighbouring ones: without encounters each flies as it would among all."""
@@ -61,18 +61,18 @@ class Cloud:
         scene, d, members = engine.scene, engine.dimensions, engine.members
         self.grains = range(scene.grains.number) if grains is None else grains
         number, stages = len(self.grains), engine.tables.count
-        self.crowd = empty_crowd(number, engine.states, members, len(engine.rates), stages)
-        crowd = self.crowd
+        self.state = empty_grains(number, engine.states, members, len(engine.rates), stages)
+        state = self.state
         for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
-            crowd.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
-            crowd.spin[i, :3] = spin
-            crowd.flight[i, [layout.X, layout.Y, layout.Z]] = position
-            crowd.flight[i, layout.TOP] = position[2]
-            crowd.flight[i, [layout.U, layout.V, layout.W]] = velocity
-        crowd.jump[:] = crowd.y[:, d : d + members]
-        crowd.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
-        crowd.numbers[:, stepper.REFUSED] = NEVER
-        crowd.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in crowd.flight[:, [layout.Z, layout.W]].tolist()]
+            state.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
+            state.spin[i, :3] = spin
+            state.flight[i, [layout.X, layout.Y, layout.Z]] = position
+            state.flight[i, layout.TOP] = position[2]
+            state.flight[i, [layout.U, layout.V, layout.W]] = velocity
+        state.jump[:] = state.y[:, d : d + members]
+        state.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        state.numbers[:, stepper.REFUSED] = NEVER
+        state.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in state.flight[:, [layout.Z, layout.W]].tolist()]
         self.domain = self._domain() if "encounters" in scene.names else None
         cells = self.domain.along * self.domain.across if self.domain is not None else 0
         self.first_in_cell = np.full(cells, -1, dtype=np.int32)
@@ -81,9 +81,9 @@ class Cloud:
         self.logs = collisions.Logs(
             jumps, owners, np.zeros((BUFFER if self.domain is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
         )
-        hand = Grain(engine)  # whose state any of them takes in turn
+        loaded = Grain(engine)  # whose arrays the grains take in turn
         problem = engine.problem._replace(end=math.inf)
-        given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), hand.state, hand.spin, hand.flight, hand.values)
+        given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), loaded.state, loaded.spin, loaded.flight, loaded.values)
         self.steps, self.kept = engine.steps(*given, empty_record(0, stages, engine.states), jumps, problem=problem)
         coarse = problem._replace(rtol=COARSE * problem.rtol, atol=COARSE * problem.atol)
         whole = self.steps.flight.parts
@@ -91,7 +91,7 @@ class Cloud:
         self.parts = placed(collisions.Parts(self.steps, rough))
         states, velocities = (whole.room.polynomial, np.zeros_like(whole.room.polynomial)), np.zeros((2, stages, 3))
         self.courses = tuple(placed(collisions.Course(*arrays)) for arrays in zip(states, velocities, strict=True))
-        self.given = placed(self.domain) if self.domain is not None else None, placed(crowd), self.first_in_cell
+        self.given = placed(self.domain) if self.domain is not None else None, placed(state), self.first_in_cell
 
     def _domain(self) -> collisions.Domain:
         scene = self.engine.scene
@@ -108,7 +108,7 @@ class Cloud:
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        tables, numbers, count, domain = self.engine.tables, self.crowd.numbers, self.logs.count, self.domain
+        tables, numbers, count, domain = self.engine.tables, self.state.numbers, self.logs.count, self.domain
         log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
         while True:
             code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
@@ -118,26 +118,26 @@ class Cloud:
                 continue
             if code == UNTIL:
                 collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
-            elif code not in GOES_ON and domain is not None:  # nobody is behind the grain that stopped the run
-                collisions.flush(self.parts, *self.given[:2], samples, float(self.crowd.clock[grain]) * ROUNDED)
+            elif code not in GOES_ON and domain is not None:  # no grain is behind the one that stopped the run
+                collisions.flush(self.parts, *self.given[:2], samples, float(self.state.clock[grain]) * ROUNDED)
             yield code, grain
             if code not in GOES_ON:
                 return
 
     def arrays(self) -> dict[str, Any]:
-        """All that changes while grains fly."""
-        return self.crowd._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}
+        """All arrays that change during a run."""
+        return self.state._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}
 
     def tabulate(self) -> None:
-        """Make the tables of the steps in hand: in a run that goes on, another process had them."""
+        """Make the tables of the current steps: a run that is resumed begins in a process that has none."""
         tables = self.engine.tables
-        has_a_step = (collisions.STEP_END, collisions.IMPACT, collisions.KINK, collisions.ENCOUNTER, collisions.SEEK)
-        for numbers in self.crowd.numbers[np.isin(self.crowd.kind, has_a_step)]:
+        has_a_step = (collisions.STEP_END, collisions.IMPACT, collisions.KINK, collisions.ENCOUNTER, collisions.FIND_ENCOUNTER)
+        for numbers in self.state.numbers[np.isin(self.state.kind, has_a_step)]:
             if tables.tables.sizes[int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])] != numbers[stepper.STEP]:
                 tables.fill(self.steps.flight.parts.odd, numbers)
 
     def speed_of(self, grain: int) -> float:
         """Speed of a grain along the stream, V."""
         d = self.engine.dimensions
-        y = self.crowd.y[grain]
-        return float(y[d] + both(self.engine.profile, y[d - 1])[0])
+        y = self.state.y[grain]
+        return float(y[d] + velocity_and_shear(self.engine.profile, y[d - 1])[0])
