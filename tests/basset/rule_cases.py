@@ -39,12 +39,12 @@ TAILED: dict[str, Callable[[float], basset.Rule]] = {
 
 # schemes that none of these shows yet, as they are by default
 SHOWN = {type(make(1.0)) for make in RULES.values()} | {basset.Exponential}
-for name, scheme in basset.SCHEMES.items():
-    if scheme not in SHOWN:
-        own = TAILED if scheme().recipe(1e-3, 10.0, basset.BassetKernel()).tail is not None else RULES
-        own[name] = lambda window, scheme=scheme: scheme()
-        if scheme().whole == scheme():
-            RULES[f"windowed_{name}"] = lambda window, scheme=scheme: basset.Windowed(scheme(), window)
+FURTHER = {name: scheme() for name, scheme in basset.SCHEMES.items() if scheme not in SHOWN}
+for name, rule in FURTHER.items():
+    own = RULES if rule.recipe(1e-3, 10.0, basset.BassetKernel()).tail is None else TAILED
+    own[name] = lambda window, rule=rule: rule
+    if rule.whole == rule:
+        RULES[f"windowed_{name}"] = lambda window, rule=rule: basset.Windowed(rule, window)
 
 GRAIN = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}  # sand in water, m/s, m, m²/s: Re = 100
 KERNELS: dict[str, basset.Kernel] = {
@@ -52,6 +52,7 @@ KERNELS: dict[str, basset.Kernel] = {
     "mei_adrian": basset.MeiAdrianKernel(**GRAIN),
     "dorgan_loth": basset.MeiAdrianKernel.dorgan_loth(**GRAIN),
 }
+FITTED = (basset.BassetKernel, basset.MeiAdrianKernel)  # those that sums of exponentials are tabulated for
 
 
 def exact_steepness(kernel: basset.MeiAdrianKernel) -> mpmath.mpf:
