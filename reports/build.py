@@ -34,9 +34,9 @@ END = "---\n\nMade by `python -m reports.build` from [data/](data/). Every page 
 
 
 def made(page: Page, data: dict[str, Record], old: dict[str, Record]) -> Page:
-    """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page: there is nothing to compute."""
+    """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page, if there is one."""
     said = {name: old[name] for name in page.suites if name in old}
-    if said.keys() != {name for name in page.suites if name in data}:
+    if said.keys() != {name for name in page.suites if name in data} or not (HERE / page.file).exists():
         text = page.build(data)
     else:
         text = (HERE / page.file).read_text(encoding="utf-8")

@@ -6,7 +6,19 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rule_cases import EPS, FITTED, KERNELS, ORDERS, accepts, any_rule, full_rules, full_rules_and_inputs, tailed_rules, windowed_rules, windowed_rules_and_inputs
+from rule_cases import (
+    EPS,
+    FITTED,
+    KERNELS,
+    ORDERS,
+    accepts,
+    any_rule,
+    full_rules,
+    full_rules_and_inputs,
+    tailed_rules,
+    windowed_rules,
+    windowed_rules_and_inputs,
+)
 
 import basset
 from basset import reference
