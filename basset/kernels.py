@@ -96,11 +96,16 @@ class Kernel(abc.ABC):
         True
         """
 
-    @abc.abstractmethod
+    @property
+    def bend(self) -> float:
+        """The lag, in seconds, about which K leaves s^(−1/2); infinite if it never does."""
+        return math.inf
+
     def rule(self, near: float, far: float) -> tuple[Floats, Floats]:
         """Nodes x in [0, 1] and weights w with ∫_near^far K(s) q((s−near)/(far−near)) ds = Σ w q(x).
 
-        To rounding for polynomials q up to degree 15, wherever `near` lies, 0 included.
+        To rounding for polynomials q up to degree 15, wherever `near` lies, 0 included: Gauss–Legendre on dyadic panels towards
+        s = 0, which suits any K that is smooth but there, also one in fractional powers of s.
 
         Parameters
         ----------
@@ -118,6 +123,15 @@ class Kernel(abc.ABC):
         >>> abs(w @ x**3 - 1.0 / 3.5) < 1e-14  # ∫ s^(-1/2) s³ ds
         np.True_
         """
+        x, w = gauss_legendre(20)
+        # what is left out below the finest panel weighs less than 1e-18 of the whole
+        levels = 125 + max(0, math.ceil(math.log2(far / min(1.0, self.bend) + 1.0)))
+        edges = np.append(far * 2.0 ** -np.arange(levels, dtype=np.float64), 0.0)
+        edges = np.append(edges[edges > near], near)[::-1] if near > 0.0 else edges[::-1]
+        low, width = edges[:-1, None], np.diff(edges)[:, None]
+        s = low + width * x
+        weights = width * w * self._values(s)
+        return (((low - near) + width * x) / (far - near)).ravel(), weights.ravel()
 
     def __call__(self, s: ArrayLike) -> Any:
         """K(s), elementwise.
@@ -332,7 +346,12 @@ class MeiAdrianKernel(Kernel):
             ratio = np.float64(self.slip) / (0.75 + self.c2 * np.float64(self.reynolds))
             return float(0.5 * math.sqrt(math.pi) * (ratio / np.sqrt(self.viscosity)) ** 3)
 
-    def _bend(self, s: Floats) -> Floats:
+    @property
+    def bend(self) -> float:
+        """C^(−2/3), in seconds."""
+        return self.steepness ** (-2.0 / 3.0) if self.steepness > 0.0 else math.inf
+
+    def _bent(self, s: Floats) -> Floats:
         """(C s^(3/2))^(1/c1), overflowing to infinity where K underflows to zero."""
         if self.steepness == 0.0:  # also at infinite lag
             return np.zeros_like(s)
@@ -340,28 +359,16 @@ class MeiAdrianKernel(Kernel):
             return np.asarray((self.steepness ** (2.0 / 3.0) * s) ** (1.5 / self.c1))
 
     def _values(self, s: Floats) -> Floats:
-        return np.asarray((1.0 + self._bend(s)) ** -self.c1 / np.sqrt(s))
+        return np.asarray((1.0 + self._bent(s)) ** -self.c1 / np.sqrt(s))
 
     def _derivatives(self, s: Floats) -> Floats:
-        bend = self._bend(s)
+        bend = self._bent(s)
         share = 1.0 / (1.0 + 1.0 / np.maximum(bend, 1e-300))  # bend/(1+bend), finite when bend is infinite
         return -self._values(s) * (0.5 + 1.5 * share) / s
 
     def scaled(self, dt: float) -> MeiAdrianKernel:
         """Time in units of `dt`, length kept: slip and viscosity are multiplied by `dt`, Re stays."""
         return replace(self, slip=self.slip * dt, viscosity=self.viscosity * dt)
-
-    def rule(self, near: float, far: float) -> tuple[Floats, Floats]:
-        """Gauss–Legendre on dyadic panels towards s = 0, where K is singular in fractional powers of s."""
-        x, w = gauss_legendre(20)
-        # what is left out below the finest panel weighs less than 1e-18 of the whole
-        levels = 125 + max(0, math.ceil(math.log2(max(1.0, self.steepness) ** (2.0 / 3.0) * far + 1.0)))
-        edges = np.append(far * 2.0 ** -np.arange(levels, dtype=np.float64), 0.0)
-        edges = np.append(edges[edges > near], near)[::-1] if near > 0.0 else edges[::-1]
-        low, width = edges[:-1, None], np.diff(edges)[:, None]
-        s = low + width * x
-        weights = width * w * self._values(s)
-        return (((low - near) + width * x) / (far - near)).ravel(), weights.ravel()
 
 
 @dataclass(frozen=True)

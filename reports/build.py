@@ -1,11 +1,12 @@
 """`python -m reports.build`: the pages and figures from the JSON in reports/data. Nothing is timed here.
 
-A page is a script here and its template, prose with fields that the script computes. A new one is one more entry in PAGES.
+A page is a script here with a PAGE, and the template of its name, prose with fields that the script computes; a new one is found.
 With `--output` pages go to another folder, and what is in its data/ comes before what is committed.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import shutil
@@ -17,12 +18,13 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
-from reports import advice, choosing, flights, grains, memory, quadrature, saltation, scenes, solver, stepper
 from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
 
-PAGES = tuple(module.PAGE for module in (quadrature, memory, advice, solver, stepper, saltation, choosing, flights, scenes, grains))
+ORDER = ("quadrature", "memory", "advice", "solver", "stepper", "saltation", "choosing", "flights", "scenes", "grains")  # others follow
+FOUND = sorted(path.stem for path in (HERE / "templates").glob("*.md"))
+PAGES: tuple[Page, ...] = tuple(importlib.import_module(f"reports.{name}").PAGE for name in dict.fromkeys((*ORDER, *FOUND)))
 PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
     Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
     Picture("error_step", "quadrature", "Error of the history integral against the step: the thesis's fig. 5-4 again."),
@@ -32,9 +34,9 @@ END = "---\n\nMade by `python -m reports.build` from [data/](data/). Every page 
 
 
 def made(page: Page, data: dict[str, Record], old: dict[str, Record]) -> Page:
-    """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page: there is nothing to compute."""
+    """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page, if there is one."""
     said = {name: old[name] for name in page.suites if name in old}
-    if said.keys() != {name for name in page.suites if name in data}:
+    if said.keys() != {name for name in page.suites if name in data} or not (HERE / page.file).exists():
         text = page.build(data)
     else:
         text = (HERE / page.file).read_text(encoding="utf-8")

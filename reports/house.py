@@ -49,33 +49,48 @@ def reduced(arrows: Arrows) -> Iterable[tuple[str, str]]:
 
 
 def draw(package: str, axes: plt.Axes) -> None:
-    """A package: its parts by floors, folders bold, arrows downwards."""
-    arrows = parts(package)
+    """A package: its parts by floors, folders bold, arrows downwards; what begins with an underscore serves all floors and is only named."""
+    every = parts(package)
+    helpers = {part for part in every if part.rpartition(".")[2].startswith("_")}
+
+    def shown(part: str) -> set[str]:
+        return {found for other in every[part] for found in (shown(other) if other in helpers else {other})}
+
+    arrows = {part: shown(part) for part in every if part not in helpers}
     rows: dict[int, list[str]] = {}
     for part, floor in floors(arrows).items():
         rows.setdefault(floor, []).append(part)
+    drawn = list(reduced(arrows))
     place: dict[str, tuple[float, float]] = {}
     for floor, row in sorted(rows.items()):  # each part above the middle of what it imports
-        row.sort(key=lambda part: sum(place[other][0] for other in arrows[part]) / max(1, len(arrows[part])))
-        place |= {part: ((column + 1.0) / (len(row) + 1.0), float(floor)) for column, part in enumerate(row)}
-    for part, other in reduced(arrows):
-        axes.annotate("", place[other], place[part], arrowprops={"arrowstyle": "-|>", "color": "0.6", "lw": 0.7, "shrinkA": 7, "shrinkB": 7})
+        below = {part: [place[other][0] for one, other in drawn if one == part] for part in row}
+        row.sort(key=lambda part: sum(below[part]) / len(below[part]) if below[part] else 0.5)
+        shift = 0.09 * (floor % 2)  # so that long arrows pass beside the parts between
+        place |= {part: ((column + 1.0) / (len(row) + 1.0) + shift, float(floor)) for column, part in enumerate(row)}
+    boxes = {}
     for part, (x, y) in place.items():
         folder = (Path(__file__).parents[1] / part.replace(".", "/")).is_dir()
+        look = {"boxstyle": "round,pad=0.3", "fc": "#dbe9f6" if folder else "white", "ec": "0.4", "lw": 0.7}
         name = part.rpartition(".")[2] + "/" * folder
-        box = {"boxstyle": "round,pad=0.25", "fc": "#dbe9f6" if folder else "white", "ec": "0.4", "lw": 0.7}
-        axes.text(x, y, name, ha="center", va="center", fontsize=8, weight="bold" if folder else "normal", bbox=box)
-    axes.set(title=f"{package}: imports run down", xlim=(0.0, 1.0), ylim=(-0.6, max(rows) + 0.6))
+        boxes[part] = axes.text(x, y, name, ha="center", va="center", fontsize=12, weight="bold" if folder else "normal", bbox=look, zorder=5).get_bbox_patch()
+    for part, other in drawn:
+        ends = {"patchA": boxes[part], "patchB": boxes[other], "shrinkA": 0, "shrinkB": 1}
+        axes.annotate("", place[other], place[part], arrowprops={"arrowstyle": "-|>", "color": "0.5", "lw": 1.0, **ends}, zorder=4)
+    axes.set(xlim=(0.05, 1.0), ylim=(-0.9, max(rows) + 0.4))
+    axes.set_title(package, fontsize=14, weight="bold")
+    axes.text(0.53, -0.75, "for all: " + ", ".join(sorted(part.rpartition(".")[2] for part in helpers)), ha="center", fontsize=9, color="0.3")
     axes.axis("off")
 
 
 def main() -> None:
     """Draw both packages."""
     with mpl.rc_context(LOOK):
-        figure, both = plt.subplots(1, 2, figsize=(13.0, 7.5), layout="constrained")
+        figure, both = plt.subplots(1, 2, figsize=(12.5, 7.5), layout="constrained")
         for package, axes in zip(("basset", "saltation"), both, strict=True):
             draw(package, axes)
-        figure.savefig(FIGURE, dpi=110)
+        figure.suptitle("An arrow is an import that no others imply; folders are bold", fontsize=11)
+        figure.canvas.draw()  # arrows end at boxes, which are laid out by then
+        figure.savefig(FIGURE, dpi=100)
     print(FIGURE)
 
 

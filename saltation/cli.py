@@ -388,10 +388,9 @@ def campaign(
 @click.option("--animate", "film", type=click.Path(path_type=Path), help="A GIF of many grains in their box, instead of figures or with those named.")
 def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path | None) -> None:
     """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
-    from saltation.plots.cloud import CLOUD_PLOTS
-    from saltation.plots.run import PLOTS
+    from saltation.plots import plots_of
 
-    known = list(dict.fromkeys((*PLOTS, *CLOUD_PLOTS)))
+    known = list(plots_of(cloud=False) | plots_of(cloud=True))
     for name in names:
         if name not in known:
             raise Mistake(f"--figure must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
@@ -404,7 +403,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
     with mistakes_of_files("RESULT"):
         opened = open_result(result)
     cloud = opened.scene.cloud is not None
-    own: dict[str, Callable[[Any], Any]] = {**CLOUD_PLOTS} if cloud else {**PLOTS}
+    own = plots_of(cloud)
     for name in names:
         if name not in own:
             raise Mistake(f"--figure {name}: of {'many grains' if cloud else 'a single grain'} there are {', '.join(map(repr, own))}")

@@ -17,13 +17,16 @@ BLOCK = re.compile(r"`([\w/]+\.py)`(?:, in `(\w+)`)?:\n\n```python\n(.*?)```", r
 COMMAND = re.compile(r"^```\n(pytest .+?)\n```", re.M)
 
 
-@pytest.mark.parametrize("section", SECTIONS)
+WORKED = [name for name, text in SECTIONS.items() if BLOCK.search(text)]
+
+
+@pytest.mark.parametrize("section", WORKED)
 def test_the_worked_example_works(section, tmp_path):
     for name in ("basset", "saltation", "tests", "pyproject.toml"):
         copy, ignored = (shutil.copytree, {"ignore": shutil.ignore_patterns("__pycache__")}) if (ROOT / name).is_dir() else (shutil.copy, {})
         copy(ROOT / name, tmp_path / name, **ignored)
     blocks, commands = BLOCK.findall(SECTIONS[section]), COMMAND.findall(SECTIONS[section])
-    assert blocks and len(commands) == 1
+    assert len(commands) == 1
     for path, table, code in blocks:
         file = tmp_path / path
         if not table:
@@ -40,4 +43,4 @@ def test_the_worked_example_works(section, tmp_path):
 
 
 def test_every_kind_of_addition_has_an_example():
-    assert {"Add a scheme", "Add an effect", "Add a problem"} == set(SECTIONS)
+    assert {"Add a scheme", "Add an effect", "Add a problem"} == set(WORKED)

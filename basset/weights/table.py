@@ -44,7 +44,7 @@ class Stencil(abc.ABC):
 
     @abc.abstractmethod
     def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
-        """Interior weights w[start:stop], newest first."""
+        """Interior weights w[start:stop], newest first; each has the same bits in whatever blocks they are asked for."""
 
     @abc.abstractmethod
     def oldest(self, n: NDArray[np.int64], kernel: Kernel, input: str) -> Floats:

@@ -1,9 +1,11 @@
-"""The rules, kernels and inputs that the tests of rules run over: a new rule with defaults is found, any other is one line."""
+"""The rules, kernels and inputs that tests run over: a new rule with defaults is found, any other is one line, a kernel is two."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -27,14 +29,6 @@ RULES: dict[str, Callable[[float], basset.Rule]] = {
     "windowed_daitche_5": lambda window: basset.Windowed(basset.Daitche(order=5), window),
 }
 
-# schemes that none of these shows yet, as they are by default
-SHOWN = {type(make(1.0)) for make in RULES.values()} | {basset.Exponential}
-for name, scheme in basset.SCHEMES.items():
-    if scheme not in SHOWN:
-        RULES[name] = lambda window, scheme=scheme: scheme()
-        if scheme().whole == scheme():
-            RULES[f"windowed_{name}"] = lambda window, scheme=scheme: basset.Windowed(scheme(), window)
-
 # rules whose far memory is a sum of exponentials: fitted to the horizon, so their weights depend on it; rates only
 TAILED: dict[str, Callable[[float], basset.Rule]] = {
     "exponential_1": lambda window: basset.Exponential(order=1, rtol=1e-4),
@@ -43,11 +37,37 @@ TAILED: dict[str, Callable[[float], basset.Rule]] = {
     "published_tail": lambda window: basset.Hinsberg(window=window),
 }
 
+# schemes that none of these shows yet, as they are by default
+SHOWN = {type(make(1.0)) for make in RULES.values()} | {basset.Exponential}
+FURTHER = {name: scheme() for name, scheme in basset.SCHEMES.items() if scheme not in SHOWN}
+for name, rule in FURTHER.items():
+    own = RULES if rule.recipe(1e-3, 10.0, basset.BassetKernel()).tail is None else TAILED
+    own[name] = lambda window, rule=rule: rule
+    if rule.whole == rule:
+        RULES[f"windowed_{name}"] = lambda window, rule=rule: basset.Windowed(rule, window)
+
 GRAIN = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}  # sand in water, m/s, m, m²/s: Re = 100
 KERNELS: dict[str, basset.Kernel] = {
     "basset": basset.BassetKernel(),
     "mei_adrian": basset.MeiAdrianKernel(**GRAIN),
     "dorgan_loth": basset.MeiAdrianKernel.dorgan_loth(**GRAIN),
+}
+FITTED = (basset.BassetKernel, basset.MeiAdrianKernel)  # those that sums of exponentials are tabulated for
+
+
+def exact_steepness(kernel: basset.MeiAdrianKernel) -> mpmath.mpf:
+    """C of the Mei–Adrian family with many digits."""
+    slip, viscosity = mpmath.mpf(kernel.slip), mpmath.mpf(kernel.viscosity)
+    friction = mpmath.mpf("0.75") + mpmath.mpf(kernel.c2) * slip * mpmath.mpf(kernel.diameter) / viscosity
+    return mpmath.sqrt(mpmath.pi) / 2 * slip**3 / (viscosity ** mpmath.mpf("1.5") * friction**3)
+
+
+# class -> K(s) with many digits, written down once more: (kernel, s) -> mpmath number
+EXACT_VALUES: dict[type[basset.Kernel], Callable[[Any, mpmath.mpf], mpmath.mpf]] = {
+    basset.BassetKernel: lambda kernel, s: 1 / mpmath.sqrt(s),
+    basset.MeiAdrianKernel: lambda kernel, s: (
+        (1 + (exact_steepness(kernel) * s ** mpmath.mpf("1.5")) ** (1 / mpmath.mpf(kernel.c1))) ** -mpmath.mpf(kernel.c1) / mpmath.sqrt(s)
+    ),
 }
 
 

@@ -1,4 +1,4 @@
-"""The streams that the tests run over: a new scheme is tested everywhere by adding one line; and exact histories to compare with."""
+"""The streams that the tests run over: a new scheme is found, with a window and with a fitted tail too; and exact histories to compare with."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from rule_cases import KERNELS
+from rule_cases import FITTED, FURTHER, KERNELS
 
 import basset
 from basset.streaming import Plan, State
@@ -29,14 +29,19 @@ class Stream:
     degree: int
     rtol: float = 0.0  # error of the kernel beyond the window: 0 where it is exact
     forgets: bool = False  # beyond the window nothing is left
-    kernels: tuple[type, ...] = (basset.BassetKernel, basset.MeiAdrianKernel)
+    kernels: tuple[type, ...] = (basset.Kernel,)
+
+    @property
+    def averages(self) -> bool:
+        """Whether a jump of the rate is averaged at its node."""
+        return self.make(DT, HORIZON * DT, BASSET).recipe(DT, HORIZON * DT, BASSET).degree == 0
 
     def plan(self, dt: float = DT, steps: int = HORIZON, kernel: basset.Kernel = BASSET) -> Plan:
         return self.make(dt, steps * dt, kernel).plan(dt, steps * dt, kernel)
 
 
-def full(rule: basset.Rule, degree: int, **kind) -> Stream:
-    return Stream(lambda dt, horizon, kernel: rule, degree, **kind)
+def full(rule: basset.Rule, degree: int, rtol: float = 0.0, **kind) -> Stream:
+    return Stream(lambda dt, horizon, kernel: rule, degree, rtol, **({"kernels": FITTED} if rtol else kind))
 
 
 def windowed(rule: basset.Rule, degree: int, **kind) -> Stream:
@@ -47,7 +52,7 @@ def tailed(rule: basset.Rule, degree: int, rtol: float) -> Stream:
     def make(dt, horizon, kernel):
         return basset.Windowed(rule, WINDOW * dt, basset.ExponentialSum.fit(WINDOW * dt, horizon, rtol, kernel))
 
-    return Stream(make, degree, rtol)
+    return Stream(make, degree, rtol, kernels=FITTED)
 
 
 ONLY_BASSET = {"kernels": (basset.BassetKernel,)}
@@ -63,7 +68,9 @@ STREAMS: dict[str, Stream] = {
     "windowed_hinsberg": windowed(basset.Hinsberg(tail=False).whole, 1),
     **{f"windowed_daitche_{p}": windowed(basset.Daitche(p), p) for p in (1, 2, 3, 4, 5, 6, 10)},
     "hinsberg_published": Stream(lambda dt, horizon, kernel: basset.Hinsberg(WINDOW * dt), 1, 2e-2, **ONLY_BASSET),
-    "hinsberg_fitted": Stream(lambda dt, horizon, kernel: basset.Hinsberg(WINDOW * dt, basset.ExponentialSum.fit(WINDOW * dt, horizon, 1e-9, kernel)), 1, 1e-9),
+    "hinsberg_fitted": Stream(
+        lambda dt, horizon, kernel: basset.Hinsberg(WINDOW * dt, basset.ExponentialSum.fit(WINDOW * dt, horizon, 1e-9, kernel)), 1, 1e-9, kernels=FITTED
+    ),
     **{f"tailed_daitche_{p}": tailed(basset.Daitche(p), p, 1e-12) for p in (1, 2, 3, 4, 5, 6, 10)},
     "tailed_euler_maclaurin": tailed(basset.EulerMaclaurin(), -1, 1e-12),
     "tailed_brush": tailed(basset.Brush(), -1, 1e-12),
@@ -71,6 +78,11 @@ STREAMS: dict[str, Stream] = {
     **{f"exponential_{p}": full(basset.Exponential(p, 1e-12), p, rtol=1e-12) for p in (1, 2, 3, 4, 5, 6, 10)},
     "exponential_3_rough": full(basset.Exponential(3, 1e-3), 3, rtol=1e-3),
 }
+for name, rule in FURTHER.items():
+    tail = rule.recipe(DT, HORIZON * DT, BASSET).tail
+    STREAMS[name] = full(rule, -1, rtol=0.0 if tail is None else tail.rtol)
+    if rule.whole == rule:
+        STREAMS |= {f"windowed_{name}": windowed(rule, -1), f"tailed_{name}": tailed(rule, -1, 1e-12)}
 
 
 def chosen(names: Iterable[str]) -> pytest.MarkDecorator:
@@ -89,7 +101,7 @@ BOUNDED = [name for name in STREAMS if name not in ENDLESS]
 
 every_stream = chosen(STREAMS)
 polynomial_streams = chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
-baselines = chosen(name for name, stream in STREAMS.items() if stream.degree < 1)
+baselines = chosen(name for name, stream in STREAMS.items() if stream.averages)
 tailed_streams = chosen(name for name, stream in STREAMS.items() if stream.rtol)
 
 

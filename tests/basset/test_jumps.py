@@ -235,8 +235,8 @@ class TestAKinkAtANode:
             plan.run(state, np.ones(30))
         plan.jump(once, 0.5, 0.0, 3.0)
         plan.jump(twice, 0.2, 0.0, -7.0)
-        plan.jump(twice, 0.3, 0.0, 3.0 if stream.degree >= 1 else 11.5)  # baselines average: (1 − 7)/2 = −3, (−3 + 7)/2 = 2 = (1 + 3)/2
-        if stream.degree < 1:
+        plan.jump(twice, 0.3, 0.0, 11.5 if stream.averages else 3.0)  # baselines average: (1 − 7)/2 = −3, (−3 + 7)/2 = 2 = (1 + 3)/2
+        if stream.averages:
             plan, once, twice = self.averaged(stream)
         rest = np.full(50, 3.0)
         np.testing.assert_allclose(plan.run(twice, rest), plan.run(once, rest), rtol=0.0, atol=1e-12 / np.sqrt(DT))

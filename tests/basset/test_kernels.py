@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from functools import lru_cache
 
 import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rule_cases import EPS, GRAIN, KERNELS
+from rule_cases import EPS, EXACT_VALUES, GRAIN, KERNELS, exact_steepness
 
 import basset
 
@@ -23,18 +24,8 @@ def kernel_of(steepness: float, c1: float) -> basset.MeiAdrianKernel:
     return basset.MeiAdrianKernel(slip, 1.0, 1.0, c1=c1, c2=0.0)
 
 
-def exact_steepness(kernel: basset.MeiAdrianKernel) -> mpmath.mpf:
-    slip, viscosity = mpmath.mpf(kernel.slip), mpmath.mpf(kernel.viscosity)
-    friction = mpmath.mpf("0.75") + mpmath.mpf(kernel.c2) * slip * mpmath.mpf(kernel.diameter) / viscosity
-    return mpmath.sqrt(mpmath.pi) / 2 * slip**3 / (viscosity ** mpmath.mpf("1.5") * friction**3)
-
-
 def exact_value(kernel: basset.Kernel, s: float) -> mpmath.mpf:
-    s = mpmath.mpf(s)
-    if isinstance(kernel, basset.BassetKernel):
-        return 1 / mpmath.sqrt(s)
-    c1 = mpmath.mpf(kernel.c1)
-    return (1 + (exact_steepness(kernel) * s ** mpmath.mpf("1.5")) ** (1 / c1)) ** -c1 / mpmath.sqrt(s)
+    return EXACT_VALUES[type(kernel)](kernel, mpmath.mpf(s))
 
 
 def antiderivative(kernel: basset.Kernel, x: mpmath.mpf, m: int) -> mpmath.mpf:
@@ -47,8 +38,20 @@ def antiderivative(kernel: basset.Kernel, x: mpmath.mpf, m: int) -> mpmath.mpf:
     return x**a / a * mpmath.hyp2f1(c1, a / q, 1 + a / q, -(exact_steepness(kernel) ** (1 / c1)) * x**q)
 
 
+def quadrature_moments(kernel: basset.Kernel, near: float, far: float, degree: int) -> list[mpmath.mpf]:
+    """The same for a kernel without antiderivatives at hand, in u = √s, in which K ds has no singularity."""
+    with mpmath.workdps(40):
+        near, far = mpmath.mpf(near), mpmath.mpf(far)
+        between = [kernel.bend * mpmath.mpf(10) ** k for k in range(-4, 5, 2)]
+        points = [mpmath.sqrt(s) for s in (near, *(s for s in between if near < s < far), far)]
+        share = lru_cache(maxsize=None)(lambda u: 2 * u * exact_value(kernel, u * u))  # every moment asks for it at the same places
+        return [mpmath.quad(lambda u, m=m: share(u) * ((u * u - near) / (far - near)) ** m, points) for m in range(degree + 1)]
+
+
 def exact_moments(kernel: basset.Kernel, near: float, far: float, degree: int, digits: int) -> list[mpmath.mpf]:
     """∫ K ((s−near)/(far−near))^m from differences of antiderivatives: `digits` must cover their cancellation."""
+    if not isinstance(kernel, (basset.BassetKernel, basset.MeiAdrianKernel)):
+        return quadrature_moments(kernel, near, far, degree)
     with mpmath.workdps(digits):
         near, far = mpmath.mpf(near), mpmath.mpf(far)
         raw = [antiderivative(kernel, far, m) - antiderivative(kernel, near, m) for m in range(degree + 1)]
