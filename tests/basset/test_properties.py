@@ -73,7 +73,8 @@ class TestLinear:
 
 
 class TestInTime:
-    @chosen(name for name in STREAMS if "brush" not in name)  # Simpson's pairs depend on where the history begins
+    # Simpson's pairs and the first panels of an open formula depend on where the history begins
+    @chosen(name for name in STREAMS if "brush" not in name and "newton_cotes" not in name)
     @few
     @given(seed=seeds, shift=st.integers(1, 60), n=st.integers(10, 90), size=sizes)
     def test_a_later_start_after_a_jump_is_a_shifted_history(self, stream, seed, shift, n, size):

@@ -337,7 +337,7 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
         return half
 
     made = sand_cloud(0.6, cloud={"number": 8, "boundary": "open", "concentration": 0.2, "spread": 2.0})
-    with interpreted(), mock.patch.object(encounters, "describe", checked):
+    with interpreted(), mock.patch.object(encounters, "describe_path", checked):
         saltation.run(made)
     assert min(kinds.count(0), kinds.count(1)) > 10
 
