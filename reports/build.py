@@ -25,6 +25,7 @@ from reports.words import Record
 ORDER = ("quadrature", "memory", "advice", "solver", "stepper", "saltation", "choosing", "flights", "scenes", "grains")  # others follow
 FOUND = sorted(path.stem for path in (HERE / "templates").glob("*.md"))
 PAGES: tuple[Page, ...] = tuple(importlib.import_module(f"reports.{name}").PAGE for name in dict.fromkeys((*ORDER, *FOUND)))
+WRITTEN = ("guide", "thesis")  # pages without data, written by hand
 PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
     Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
     Picture("error_step", "quadrature", "Error of the history integral against the step: the thesis's fig. 5-4 again."),
@@ -66,7 +67,9 @@ def main(output: Path) -> None:
     with mpl.rc_context(LOOK), into(output):
         pages = [made(page, data, old) for page in PAGES if data.keys() & set(page.suites)]  # one without data is left out
         texts = {page.file: page.text for page in pages}
-        texts |= {"README.md": front(pages), "index.html": index(pages, END, PICTURES)}
+        written = [Page(name, lambda data: "", (), (HERE / f"{name}.md").read_text(encoding="utf-8")) for name in WRITTEN]
+        texts |= {page.file: page.text for page in written}
+        texts |= {"README.md": front([*pages, *written]), "index.html": index([*pages, *written], END, PICTURES)}
     for name, text in texts.items():
         write(output / name, text)
     print(f"{pages[0].title}: {os.path.relpath(output / pages[0].file)}")
