@@ -60,6 +60,7 @@ def two_pages(monkeypatch):
     pages = [page for page in build.PAGES if page.name in ("advice", "choosing")]
     both = replace(pages[0], name="both", suites=("advice", "choosing"), build=lambda data: f"# Both\n\n{len(data['advice']['rows'])} rows.\n\nend")
     monkeypatch.setattr(build, "PAGES", (*pages, both))
+    monkeypatch.setattr(build, "WRITTEN", ())  # they link to all others
     monkeypatch.setattr(build, "PICTURES", (build.Picture("advice_ratios", "advice", "Times: over the fastest."),))
     return build.load(ROOT / "reports" / "data")
 
