@@ -81,7 +81,9 @@ class TestSmooth:
         case = smooth(1.0, 0.6, 5.0)
         named, made = (case.solve(basset.FixedStep(0.05, rule)).y for rule in (name, basset.SCHEMES[name]()))
         np.testing.assert_array_equal(named, made)
-        assert np.abs(named[0] - np.cos(np.linspace(0.0, 5.0, 101))).max() <= 0.6 * math.sqrt(0.05)  # c √dt, of the rules of least order
+        assert np.abs(named[0] - np.cos(np.linspace(0.0, 5.0, 101))).max() <= (
+            0.08 if name == "newton_cotes" else 0.05
+        )  # 1.59 times the error of Euler–Maclaurin
 
     def test_windowed_needs_its_parameters_said(self):
         with pytest.raises(TypeError, match="windowed"):

@@ -317,7 +317,10 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
 
     def checked(model, singular, h, share, y, course, path):
         half = describe(model, singular, h, share, y, course, path)
-        flown = lambda s: [np.array(value) for value in encounters.place_and_velocity(model, course, s)]  # noqa: E731
+
+        def flown(s):
+            return [np.array(value) for value in encounters.place_and_velocity(model, course, s)]
+
         kinds.append(singular)
         stream = loop.velocity_and_shear(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
