@@ -39,11 +39,11 @@ report: $(READY)  ## short runs, the first page first; what takes longer as comm
 	rm -rf $(LOCAL)
 	$(BIN)/python -m bench fresnel weights costs trajectory kernels --output $(LOCAL)/data
 	$(BIN)/python -m reports.build --output $(LOCAL)
-	$(BIN)/python -m bench --missing --output $(LOCAL)/data
+	$(BIN)/python -m bench --stale --output $(LOCAL)/data
 	$(BIN)/python -m reports.build --output $(LOCAL)
 
-report-full: $(READY) .venv/.peers  ## everything, with longer runs and the peers: what is committed in reports/
-	$(BIN)/python -m bench --full
+report-full: $(READY) .venv/.peers  ## longer runs and the peers, of what is older than the code: what is committed in reports/
+	$(BIN)/python -m bench --full --stale
 	$(BIN)/python -m reports.build
 
 test: $(DEV)  ## on all cores, a module's tests on one of them unless another one is idle

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import pkgutil
 import shlex
 import subprocess
@@ -16,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from basset import _validate, measure
-from bench import suites
+from bench import sources, suites
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "reports" / "data"
@@ -51,12 +52,20 @@ def commit() -> str:
         return "unknown"
 
 
+def outdated(file: Path, full: bool) -> bool:
+    """Whether a suite's measurement is not there, is older than the code, or is a short run where the full one is wanted."""
+    if not file.exists():
+        return True
+    content = json.loads(file.read_text(encoding="utf-8"))
+    return bool(sources.changed(content)) or (full and not content["full"])
+
+
 @click.command(cls=Listing, help="Measure what accuracy costs in time; all suites unless some are named.")
 @click.argument("names", nargs=-1, metavar="[SUITE]...")
 @click.option("--full", is_flag=True, help="Longer runs, all suites, and the comparison with other packages (peers).")
-@click.option("--missing", is_flag=True, help="Only suites that have no file in the output yet.")
+@click.option("--stale", is_flag=True, help="Only suites that have no file in the output yet, or one that is older than the code.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=DATA, help="Where the JSON goes.  [default: reports/data]")
-def main(names: tuple[str, ...], full: bool, missing: bool, output: Path) -> None:
+def main(names: tuple[str, ...], full: bool, stale: bool, output: Path) -> None:
     """Run suites one after the other; say which, and how long each took."""
     for name in names:
         if name not in FOUND:
@@ -64,7 +73,8 @@ def main(names: tuple[str, ...], full: bool, missing: bool, output: Path) -> Non
             click.echo(f"suite must be one of {', '.join(FOUND)}, got {name!r}{hint}", err=True)
             sys.exit(2)
     chosen = list(dict.fromkeys(names)) or [name for name in FOUND if full or name not in suites.TOO_LONG]
-    chosen = [name for name in chosen if not (missing and (output / f"{name}.json").exists())]
+    if stale:
+        chosen = [name for name in chosen if outdated(output / f"{name}.json", full)]
     command, state = shlex.join(["python", "-m", "bench", *names, *(["--full"] if full else [])]), commit()
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} suites"), TimeElapsedColumn())
@@ -73,10 +83,10 @@ def main(names: tuple[str, ...], full: bool, missing: bool, output: Path) -> Non
         for place, name in enumerate(chosen, 1):
             progress.update(task, description=name)
             progress.console.print(f"[{place}/{len(chosen)}] {name}: {question(name)}")
-            start = time.perf_counter()
+            start, code = time.perf_counter(), sources.digests(name)
             result = suite(name).run(full)
             provenance = measure.provenance(command) | {"commit": state}
-            content = {"suite": name, "question": question(name), "full": full, "provenance": provenance, **result}
+            content = {"suite": name, "question": question(name), "full": full, "provenance": provenance, "sources": code, **result}
             measure.write_json(output / f"{name}.json", content)
             progress.advance(task)
             progress.console.print(f"[{place}/{len(chosen)}] {name}: {time.perf_counter() - start:.1f} s")

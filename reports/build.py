@@ -10,6 +10,7 @@ import importlib
 import os
 import re
 import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ import click
 import matplotlib as mpl
 
 from basset._look import LOOK
+from bench.sources import changed
 from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
@@ -58,9 +60,15 @@ def front(pages: Sequence[Page]) -> str:
 
 @click.command()
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=HERE, help="Where the pages go.  [default: reports]")
-def main(output: Path) -> None:
+@click.option("--check", is_flag=True, help="Build nothing: list the data that is older than the code; exit status 1 if there is any.")
+def main(output: Path, check: bool) -> None:
     """Build every page from the JSON in OUTPUT/data, and from that in reports/data what is missing there."""
     output = output.resolve()
+    if check:
+        old = [(name, what, content) for name, content in load(output / "data").items() if (what := changed(content))]
+        for name, what, content in old:
+            print(f"{name}: {what} has changed since {content['provenance']['commit']}; python -m bench {name} --full")
+        sys.exit(bool(old))
     data = load(output / "data")
     old = {name: content for name, content in load(HERE / "data").items() if name not in data}
     data |= old

@@ -183,6 +183,18 @@ class Tabulated(NamedTuple):
 KEPT: list[Floats] = []  # the tables that addresses point to
 
 
+def monomials(series: Floats) -> Floats:
+    """`numpy.polynomial.chebyshev.cheb2poly` for all columns at once."""
+    last = np.zeros_like(series)
+    first, last[0] = last.copy(), series[-1]
+    first[0] = series[-2]
+    for row in series[-3::-1]:
+        doubled = 2.0 * np.roll(last, 1, axis=0)  # its last row is zero
+        first, last = -last, first + doubled
+        first[0] += row
+    return np.asarray(first + np.roll(last, 1, axis=0))
+
+
 @cache
 def tabulated(profile: Profile | Still) -> Tabulated:
     """The table of a profile, made once; of still water, where the stream vanishes up to any height."""
@@ -202,8 +214,7 @@ def tabulated(profile: Profile | Still) -> Tabulated:
     exact = np.abs(coefficients[-1, LAST:]) <= SMOOTH * np.abs(coefficients[:, LAST:]).max(axis=0)
     widest = int(np.argmax(exact * above))
     coefficients = coefficients[:, [*range(LAST), LAST + widest]]
-    monomials = np.array([np.pad(poly, (0, DEGREE + 1 - len(poly))) for poly in (chebyshev.cheb2poly(c) for c in coefficients.T)])
-    cells = np.ascontiguousarray(monomials)
+    cells = np.ascontiguousarray(monomials(coefficients).T)
     KEPT.append(cells)
     return Tabulated(profile.floor, profile.extended(heights[0, -1])[1], float(above[widest]), cells.ctypes.data)
 

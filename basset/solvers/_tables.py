@@ -58,10 +58,10 @@ class Stages:
     """Nodes and bases for S stages."""
 
     def __init__(self, stages: int) -> None:
-        from scipy.special import roots_jacobi
-
-        inner = roots_jacobi(stages - 1, 1.0, 0.0)[0] if stages > 1 else np.empty(0)
-        self.c = np.append((inner + 1.0) / 2.0, 1.0)  # Radau IIA
+        radau = np.eye(stages + 1)[-1] - np.eye(stages + 1)[-2]  # P_S − P_(S−1) vanishes at the nodes of Radau IIA
+        inner = legendre.legroots(radau)[:-1]
+        inner -= legendre.legval(inner, radau) / legendre.legval(inner, legendre.legder(radau))
+        self.c = np.append((inner + 1.0) / 2.0, 1.0)
         self.regular = Nodal(self.c)
         self.singular = Nodal(np.concatenate([[0.0], np.sqrt(self.c)]))
         self.integral = self.regular.integrals(self.c)  # (stage, node)

@@ -35,7 +35,8 @@ def test_a_suite_writes_one_file_with_its_provenance_and_says_so(tmp_path):
     content = json.loads((tmp_path / "kernels.json").read_text())
     assert content["provenance"]["command"] == "python -m bench kernels"
     assert set(content["provenance"]) == {"command", "commit", "date", "processor", "versions"}
-    again = CliRunner().invoke(command.main, ["kernels", "--missing", "--output", str(tmp_path)])
+    assert set(content["sources"]) == {"compiled code", "code"}
+    again = CliRunner().invoke(command.main, ["kernels", "--stale", "--output", str(tmp_path)])
     assert (again.exit_code, again.output) == (0, "")
 
 
