@@ -380,9 +380,26 @@ def watched(m: Motion, events: Events, k: int, step: Step, most: float) -> int:
     return done
 
 
+@shared
+def between(i: int, low: float, value_low: float, high: float, value_high: float) -> float:
+    """The next guess of a zero in a bracket: that of regula falsi, each fourth time and where that leaves it the middle; `low` if nothing lies between."""
+    guess = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
+    if not low < guess < high:
+        guess = 0.5 * (low + high)
+    return guess if low < guess < high else low
+
+
+@shared
+def narrowed(low: float, value_low: float, high: float, value_high: float, side: int, guess: float, value: float) -> tuple[float, float, float, float, int]:
+    """The bracket with `guess` as one of its ends; the value of an end that stays for the second time is halved (Illinois)."""
+    if (value > 0.0) == (value_low > 0.0):
+        return guess, value, high, 0.5 * value_high if side == 1 else value_high, 1
+    return low, 0.5 * value_low if side == -1 else value_low, guess, value, -1
+
+
 @separate
 def root(m: Motion, events: Events, k: int, step: Step, low: float, high: float, after: float) -> float:
-    """θ of the crossing between two places: regula falsi with Illinois's halving, and bisection."""
+    """θ of the crossing between two places."""
     value_low, value_high = value_on(m, events, k, step, low), value_on(m, events, k, step, high)
     if after == 0.0 or value_high == 0.0:
         return high
@@ -392,24 +409,14 @@ def root(m: Motion, events: Events, k: int, step: Step, low: float, high: float,
     for i in range(200):
         if high - low <= 4e-16 * high:
             break
-        middle = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-        found = value_on(m, events, k, step, middle)
+        guess = between(i, low, value_low, high, value_high)
+        if guess == low:
+            break
+        found = value_on(m, events, k, step, guess)
         if found == 0.0:
-            return middle
-        if (found > 0.0) == (value_low > 0.0):
-            low, value_low, true_low = middle, found, abs(found)
-            if side == 1:
-                value_high *= 0.5
-            side = 1
-        else:
-            high, value_high, true_high = middle, found, abs(found)
-            if side == -1:
-                value_low *= 0.5
-            side = -1
+            return guess
+        low, value_low, high, value_high, side = narrowed(low, value_low, high, value_high, side, guess, found)
+        true_low, true_high = (abs(found), true_high) if side == 1 else (true_low, abs(found))
     return low if true_low < true_high else high
 
 

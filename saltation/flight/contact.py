@@ -7,6 +7,7 @@ from typing import Any
 
 from basset._compile import entry, shared
 from basset.kernels import Floats
+from basset.solvers.events import between, narrowed
 from basset.solvers.stepper import FIRST, TIME, Problem, State, at, restart
 from saltation._random import Draws
 from saltation.bed.rebound import strike
@@ -85,29 +86,18 @@ def first_contact(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: i
 def root_of_gap(
     model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, low: float, value_low: float, high: float, value_high: float
 ) -> float:
-    """The contact between `low` (apart) and `high` (touching): regula falsi with Illinois's halving and bisection."""
+    """The contact between `low` (apart) and `high` (touching)."""
     side = 0
     for i in range(80):
         if high - low <= 4e-16 * high:
             break
-        middle = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-        value = gap(model, bed, polynomial, y, kind, middle, draws)
-        if value > 0.0:
-            low, value_low = middle, value
-            if side == 1:
-                value_high *= 0.5
-            side = 1
-        else:
-            high, value_high = middle, value
-            if value == 0.0:
-                break
-            if side == -1:
-                value_low *= 0.5
-            side = -1
+        guess = between(i, low, value_low, high, value_high)
+        if guess == low:
+            break
+        value = gap(model, bed, polynomial, y, kind, guess, draws)
+        low, value_low, high, value_high, side = narrowed(low, value_low, high, value_high, side, guess, value)
+        if value == 0.0:
+            break
     return high
 
 

@@ -28,16 +28,13 @@ __all__ = ["Store"]
 
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "abs_deviation_angle")  # of the jumps that count; the last is |deviation_angle|
 MEANS = tuple(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se"))
+Progress = Callable[[float], None]
+Folder = str | os.PathLike[str]
 COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency")
 
 
 def campaign(
-    scenes: Iterable[Any],
-    executor: Executor | None = None,
-    *,
-    progress: Callable[[float], None] | None = None,
-    store: str | os.PathLike[str] | None = None,
-    results: str | os.PathLike[str] | None = None,
+    scenes: Iterable[Any], executor: Executor | None = None, *, progress: Progress | None = None, store: Folder | None = None, results: Folder | None = None
 ) -> pd.DataFrame:
     """Run many scenes whose effects are given; as `saltation.campaign`."""
     labels, wanted = labelled(scenes, results is not None)

@@ -112,3 +112,13 @@ windowed_rules_and_inputs = _inputs_mark(WINDOWED)
 def samples(n: int, *shape: int, seed: int = 1) -> np.ndarray:
     """n+1 rough samples: nothing smooth for an error to hide behind."""
     return np.random.default_rng(seed).standard_normal((n + 1, *shape))
+
+
+def refused(error: type[Exception], pattern: str, call, *args, **kwargs) -> None:
+    """One sentence, of the right kind."""
+    with pytest.raises(error, match=pattern) as caught:
+        call(*args, **kwargs)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+    assert not isinstance(caught.value, (AssertionError, OverflowError, ZeroDivisionError, IndexError, AttributeError))

@@ -452,24 +452,20 @@ class TestRefusals:
         assert same(state, before)
 
     @every_stream
-    @pytest.mark.parametrize("age", [-0.1, np.nan, np.inf])
-    def test_ages_are_not_negative(self, stream, age):
+    @pytest.mark.parametrize(
+        ("age", "kink", "sentence"),
+        [
+            *((age, None, r"age must be a finite number, 0 or greater \(seconds\), got") for age in (-0.1, np.nan, np.inf)),
+            (1.5 * DT, 1.0, rf"age must not exceed the step dt = {DT:g} seconds where g is given, got"),
+        ],
+    )
+    def test_ages_are_not_negative_and_a_kink_lies_in_the_newest_step(self, stream, age, kink, sentence):
         plan = stream.plan()
         state = plan.start()
         plan.run(state, np.ones(5))
         before = copied(state)
-        with pytest.raises(ValueError, match=r"age must be a finite number, 0 or greater \(seconds\), got"):
-            plan.jump(state, 1.0, age)
-        assert same(state, before)
-
-    @every_stream
-    def test_a_kink_lies_in_the_newest_step(self, stream):
-        plan = stream.plan()
-        state = plan.start()
-        plan.run(state, np.ones(5))
-        before = copied(state)
-        with pytest.raises(ValueError, match=rf"age must not exceed the step dt = {DT:g} seconds where g is given, got"):
-            plan.jump(state, 1.0, 1.5 * DT, 1.0)
+        with pytest.raises(ValueError, match=sentence):
+            plan.jump(state, 1.0, age, kink)
         assert same(state, before)
 
     @every_stream
