@@ -13,9 +13,13 @@ import pandas as pd
 
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
 from basset._look import legend as _legend
+from bench.suites.saltation import ALIKE, PRINTED, RUN_A, UNIFORM
 from reports.site.page import Page, fill, footer, save, table
 from reports.words import Record, factor, grouped, signed, span
+from saltation.effects.drag import LAWS
 from saltation.plots import run as plots
+from saltation.scene import load
+from saltation.study.checks import settling_velocity
 
 SUITES = ("saltation",)
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}
@@ -26,6 +30,8 @@ REMEMBERING = ("remembered", "restarted", "Mei–Adrian: remembered", "Mei–Adr
 IGNORING = ("jump ignored, 1 jump", "Mei–Adrian: jump ignored, 1 jump", "Dorgan–Loth: jump ignored, 1 jump")
 SLIP_FORGOTTEN = ("wiped", *IGNORING)
 PRESCRIBED = "Run A: spin prescribed (3-6)"
+GROWING = ("Run A without Magnus", "Run G: spin computed (3-4)")  # whose Magnus force is none or follows the computed spin
+PRINTED_OVERLAP = {"A1": 53.98, "A2": 14.52, "A3": 48.72, "A4": 53.31}  # per cent, thesis Table 3-5
 CREEP = 0.1  # d
 SAME = 1e-6  # differences in H, L and ū by rounding alone
 KEPT_BY = 3.0  # standard errors within which the prototype's numbers have to lie
@@ -398,6 +404,39 @@ def rank_table(data: Record, count: int = 10) -> str:
     return table(["", "model", *(f"R_p {reynolds}: {what}" for reynolds in SIZES for what in ("error index", "inside", "rank"))], rows)
 
 
+def index_in(data: Record, reading: str, model: str, reynolds: int) -> float:
+    """The error index of one of Run A's Sets in one of its readings."""
+    return float(next(r["error_index"] for r in data["campaign"]["run_a"][reading]["judged"] if (r["model"], r["particle_reynolds"]) == (model, reynolds)))
+
+
+def last_of(data: Record, reading: str) -> str:
+    """Run A's worst Set at R_p 73."""
+    return max(PRINTED_OVERLAP, key=lambda model: index_in(data, reading, model, 73))
+
+
+def best_of(data: Record, reading: str) -> float:
+    """The smallest error index of Run A at R_p 73."""
+    return min(index_in(data, reading, model, 73) for model in PRINTED_OVERLAP)
+
+
+def better_than(data: Record, reading: str) -> int:
+    """How many of the models of Runs B to H have a smaller error index at R_p 73 than the best Set of Run A."""
+    best = best_of(data, reading)
+    return sum(row[73]["error_index"] < best for row in models(data) if not row["model"].startswith("A") and row[73]["error_index"] is not None)
+
+
+def run_a_table(data: Record) -> str:
+    """Run A in each of its readings."""
+    rows = [["overlap with the measurements, Table 3-5 (%)", *(f"{value:.0f}" for value in PRINTED_OVERLAP.values()), ""]]
+    for reading, found in data["campaign"]["run_a"].items():
+        cells = []
+        for number, model in enumerate(PRINTED_OVERLAP, 1):
+            run = next(r for r in found["runs"] if (r["set"], r["particle_reynolds"], r["stage"]) == (number, 73.0, 1.87))
+            cells.append(f"{index_in(data, reading, model, 73):.2f}; H {run['height']:.2f} ± {run['height_sd']:.2f}, {share(run['creeping'])} below {CREEP} d")
+        rows.append([reading, *cells, f"{better_than(data, reading)} of 28"])
+    return table(["R_p 73", *PRINTED_OVERLAP, "models of other Runs that are nearer than its best"], rows)
+
+
 def slow_runs(data: Record, letters: str, reynolds: float, sets: Sequence[int] = (1, 2, 3, 4)) -> list[float]:
     """Mean heights of some runs of the campaign."""
     rows = [r for r in data["campaign"]["runs"] if r["run"] in letters and r["particle_reynolds"] == reynolds and r["set"] in sets]
@@ -411,6 +450,29 @@ def unfinished(data: Record) -> str:
         return "All finished"
     words = ", ".join(f"{r['run']}{r['set']} at R_p {r['particle_reynolds']:g}, T {r['stage']:g}: {r['status']}" for r in bad)
     return f"{len(bad)} did not go to their end ({words})"
+
+
+# Contradictions
+
+
+def two_of_r1(data: Record) -> dict[str, Any]:
+    """Run A by both of the thesis's words for R1: how near it comes to the regressions, and how much Set 1 scatters, over the mean."""
+    found: dict[str, Any] = {}
+    for reading, name in ((PRINTED, "printed"), (UNIFORM, "uniform")):
+        rows = [r for r in data["campaign"]["run_a"][reading]["runs"] if r["set"] == 1 and r["particle_reynolds"] == 73.0]
+        found[f"scatter_{name}"] = span([100.0 * r["height_sd"] / r["height"] for r in rows])
+        found[f"best_{name}"] = f"{best_of(data, reading):.2f}"
+        found[f"behind_{name}"] = better_than(data, reading)
+    return found
+
+
+def predictors() -> dict[str, str]:
+    """By how many per cent Rubey's drag coefficient exceeds Yen's at Re 100, and his settling velocity falls short of Yen's at R_p 73."""
+    rubey, yen = (LAWS[name].factor(100.0) for name in ("rubey", "yen"))
+    sand = load("sand")
+    slow, fast = (settling_velocity(sand.changed(drag={"law": name})) for name in ("rubey", "yen"))
+    assert slow is not None and fast is not None
+    return {"drag_apart": f"{100.0 * (rubey / yen - 1.0):.0f}", "fall_apart": f"{100.0 * (1.0 - slow / fast):.0f}"}
 
 
 # The page
@@ -450,6 +512,7 @@ def campaign_claims(data: Record) -> list[list[str]]:
     """On the models, spin and angles."""
     sets = ", ".join(map(str, sorted({r["set"] for r in data["campaign"]["runs"]})))
     creeping = {run: row["creeping"] for run, row in data["heights"].items()}
+    upstream, uniform = ([100.0 * value for run, value in creeping.items() if run.endswith(end)] for end in ("(3-5)", "±30°"))
     shipped = data["grid"]["shipped"]
     first, last = (grid(data, shipped, 73)[k] for k in (0, -1))
     takeoff, corrected = first["takeoff_angle"], max(map(abs, spin_offsets(data, shipped)))
@@ -459,8 +522,12 @@ def campaign_claims(data: Record) -> list[list[str]]:
         ["Runs B and C do not saltate", f"H at most {max(slow_runs(data, 'BC', 73.0)):.3f} d at R_p 73, Sets {sets}: agrees"],
         [
             "Runs A to C make either very large or extremely small jumps",
-            f"B and C creep ({share(creeping['B'])} and {share(creeping['C'])} of the jumps below {CREEP} d), A does not ({share(creeping['A'], 1)}): "
-            "its R1 is (3-5), upstream faces only, not the uniform ±30° that the text ascribes to it",
+            f"B and C creep ({share(creeping['B'])} and {share(creeping['C'])} of the jumps below {CREEP} d). A by (3-5) does not "
+            f"({span(upstream, '{:.1f}')} %); with planes uniform within ±30°, which the text ascribes to it, it does ({span(uniform)} %)",
+        ],
+        [
+            "A2 comes last of Run A at R_p 73 (Table 3-5)",
+            f"By the error index against the regressions {last_of(data, PRINTED)} does with each Set's own f, {last_of(data, ALIKE)} with 0.89 for all",
         ],
         [
             "G2 is the best model for both grains, D3 at R_p 73, D2 at R_p 250",
@@ -487,20 +554,29 @@ def force_claims(data: Record) -> list[list[str]]:
     top = len(up) // 2
     history, drag = along["history"], up["drag"]
     phase = pd.DataFrame(data["forces"]["phase"])
-    place = {"drag": phase["phase"][along["drag"].to_numpy().argmax()], "top": phase["phase"][phase["z"].argmax()]}
+    peaks = {"drag": int(along["drag"].to_numpy().argmax()), "top": int(phase["z"].to_numpy().argmax())}
+    place = {name: phase["phase"][at] for name, at in peaks.items()}
+    turns = float(np.interp(0.0, -history.to_numpy(), phase["phase"]))
+    remainder, lift = along["added_mass"], up["lift"]
     law, computed = magnus_share(data, "prescribed"), magnus_share(data, "yamamoto")
     low, high = min(law), max(law)
     last = [r["share"][-1] for r in data["magnus"] if r["law"] == "yamamoto"]
-    crest = peak(data, PRESCRIBED)
-    crest_words = f"H is greatest at T {crest:g} and falls beyond" if crest else "H rises to the last T"
-    others = [name for name in dict.fromkeys(r["name"] for r in data["saturation"]) if name != PRESCRIBED]
-    rising = "it rises to the last T = 5: agrees" if all(peak(data, name) is None for name in others) else "it has a peak, too"
+    crests = {name: peak(data, name) for name in dict.fromkeys(r["name"] for r in data["saturation"]) if name not in GROWING}
+    falling = [T for name, T in crests.items() if T is not None and name.startswith("Run A without")]
+    crest_words = f"H is greatest at T {crests[PRESCRIBED]:g} and falls beyond" if crests[PRESCRIBED] else "H rises to the last T"
+    crest_words += f", without lift, history or added mass at T {span(falling, '{:g}')}" if len(falling) == 3 else ""
+    rising = "it rises to the last T = 5: agrees" if all(peak(data, name) is None for name in GROWING) else "it has a peak, too"
     gamma = {(axis, where): exponent(data, axis, where) for axis in "xy" for where in ("local", "intermediate")}
     return [
         [
             "Along the stream drag leads, over 90 % at the top; history has over 50 % at both ends",
             f"Drag {along['drag'].max():.0f} % at most, at phase {place['drag']:.2f} where the top is at {place['top']:.2f}; "
             f"history {signed(history.iloc[0])} % first and {signed(history.iloc[-1])} % last: agrees in size, drag leads before the top",
+        ],
+        [
+            "History along passes 0 at the top; the remainder of added mass has 10 % at takeoff and 40 % at the impact; lift is positive throughout",
+            f"History passes 0 at phase {turns:.2f} and has {signed(history.iloc[peaks['top']])} % at the top; the remainder {signed(remainder.iloc[0])} % "
+            f"first and {signed(remainder.iloc[-1])} % last; lift {signed(lift.iloc[0])} % first and {signed(lift.iloc[-1])} % last: differs in phase",
         ],
         [
             "Up, weight leads; drag 20, 0, 20 %; Magnus about 20 % on the way up",
@@ -516,7 +592,10 @@ def force_claims(data: Record) -> list[list[str]]:
             f"Its share in the last part of the flight is {span(last, '{:.1f}')} %, negative at the smaller T alone: at the larger the grain by then outruns "
             "the water, both factors turn over, and the force is positive again (the print's bars keep one sign)",
         ],
-        ["Run A saturates with T, because of (3-6)", f"{crest_words}; without Magnus, or with computed spin, {rising}"],
+        [
+            "Run A saturates with T, because of (3-6), with lift, history or added mass off, too",
+            f"{crest_words}; without Magnus, or with computed spin, {rising}",
+        ],
         [
             "Spreading is ballistic (γ ≈ 1) within a jump; then normal (0.5) along and faster across",
             f"Along {gamma['x', 'local']}, then {gamma['x', 'intermediate']}; across {gamma['y', 'local']}, then {gamma['y', 'intermediate']}: agrees",
@@ -603,6 +682,11 @@ def saltation(data: dict[str, Record]) -> str:
         figure_ranks=save(draw_ranks(models(found)), "saltation_ranks"),
         ranks=rank_table(found),
         figure_overlap=save(draw_overlap(overlap), "saltation_overlap"),
+        run_a=run_a_table(found),
+        own_last=last_of(found, PRINTED),
+        alike_last=last_of(found, ALIKE),
+        **two_of_r1(found),
+        **predictors(),
         measured=measured,
         model=model,
         areas=", ".join(f"{QUANTITIES[name]} {value:.0f} %" for name, value in overlap["areas"].items()),
@@ -650,10 +734,10 @@ def _ticks(axes: Any, values: Sequence[float]) -> None:
     axes.set_xticks([], minor=True)
 
 
-def _errors(axes: Any, x: Sequence[float], rows: Sequence[Record], **look: Any) -> None:
-    """Means with two standard errors; runs without jumps are left out."""
+def _errors(axes: Any, x: Sequence[float], rows: Sequence[Record], error: str = "se", **look: Any) -> None:
+    """Means with two standard errors, or with two standard deviations of single jumps ("sd"); runs without jumps are left out."""
     shown = [(at, row) for at, row in zip(x, rows, strict=True) if row["mean"] is not None]
-    axes.errorbar([at for at, _ in shown], [row["mean"] for _, row in shown], yerr=[2.0 * (row["se"] or 0.0) for _, row in shown], capsize=2, **look)
+    axes.errorbar([at for at, _ in shown], [row["mean"] for _, row in shown], yerr=[2.0 * (row[error] or 0.0) for _, row in shown], **{"capsize": 2} | look)
 
 
 def draw_path(found: Record) -> Any:
@@ -711,11 +795,12 @@ def draw_envelope(found: Record) -> Any:
             for name, (text, colour, marker) in READINGS.items():
                 own = sorted((r for r in rows if r["name"] == name), key=lambda r: r["stage"])
                 axes.plot(stages, [r[quantity]["mean"] for r in own], color=colour, marker=marker, linewidth=1.0, label=text)
-            _errors(
-                axes, stages, [r[quantity] for r in shipped], color=BLUE, marker="o", linewidth=2.0, label="shipped: swamee, clip, rebound remembered (2 s.e.)"
-            )
+            means = [r[quantity] for r in shipped]
+            _errors(axes, stages, means, color=BLUE, marker="o", linewidth=2.0, label="shipped: swamee, clip, rebound remembered (2 s.e.)")
             axes.set_ylabel(label)
             axes.set_yscale("log")
+            axes.set_ylim(*axes.get_ylim())  # bars of single jumps reach below zero
+            _errors(axes, stages, means, "sd", color=BLUE, linestyle="none", elinewidth=0.8, capsize=0, label="its single jumps: 2 standard deviations")
             axes.yaxis.set_major_formatter("{x:g}")
             axes.yaxis.set_minor_formatter("{x:g}")
             axes.tick_params(axis="y", which="minor", labelsize=7)
@@ -821,16 +906,18 @@ def draw_angles(found: Record) -> Any:
 
 def draw_heights(found: Mapping[str, Record]) -> Any:
     """Distributions of H for Runs A, B, C and G."""
-    figure, axes = plt.subplots(figsize=(8.0, 4.8))
-    names = {"A": "A: R1, prescribed spin, 2-D", "B": "B: R2, plane ± 4° uniform", "C": "C: R3, plane ± 4° normal", "G": "G: R7, touching spheres"}
-    for (run, label), (colour, dash) in zip(names.items(), ((ORANGE, "-"), (RED, "-"), (PINK, "--"), (BLUE, "-")), strict=True):
+    figure, axes = plt.subplots(figsize=(8.0, 5.4))
+    names = {name: f"A, {name}" for name in RUN_A} | {"B": "B: R2, plane ± 4° uniform", "C": "C: R3, plane ± 4° normal", "G": "G: R7, touching spheres"}
+    looks = ((ORANGE, "-"), (BROWN, "-"), (ORANGE, "--"), (BROWN, "--"), (RED, "-"), (PINK, "--"), (BLUE, "-"))
+    for (run, label), (colour, dash) in zip(names.items(), looks, strict=True):
         values = np.maximum(found[run]["heights"], 1e-6)
         axes.plot(values, (np.arange(len(values)) + 0.5) / len(values), dash, color=colour, label=label, linewidth=1.8)
     axes.axvline(0.1, color="#999999", linestyle=":")
     axes.annotate("H < 0.1 d: creeping", (0.1, 0.03), xytext=(-4, 0), textcoords="offset points", ha="right", color="#666666", fontsize=9)
     axes.set(xscale="log", xlabel="rise of a jump H (d)", ylabel="share of jumps below", xlim=(1e-4, 3.0), ylim=(0, 1))
-    axes.set_title("Set 2, R$_p$ 73, T 1.87: planes tilted by ± 4° (B, C) do not lift the grain; touching spheres do")
-    axes.legend(loc="center left")
+    lifted = "Set 2, R$_p$ 73, T 1.87: touching spheres lift the grain, planes tilted by ± 4° do not;"
+    axes.set_title(f"{lifted}\nplanes uniform within ± 30° make large jumps and extremely small ones")
+    _legend(figure, axes, 3)
     return figure
 
 
@@ -883,16 +970,27 @@ def draw_magnus(records: Sequence[Record]) -> Any:
 
 
 def draw_saturation(records: Sequence[Record]) -> Any:
-    """Run A's saturation with T."""
-    figure, panels = plt.subplots(1, 3, figsize=(12.0, 4.4))
-    looks = ((ORANGE, "o"), (GREY, "x"), (BLUE, "D"))
+    """Run A's saturation with T, effects off one by one. Thesis section 3.4.4."""
+    figure, panels = plt.subplots(1, 3, figsize=(12.0, 4.8))
+    looks = {
+        PRESCRIBED: {"color": ORANGE, "marker": "o", "linewidth": 2.0},
+        "Run A with f = 0.89": {"color": BROWN, "marker": "s"},
+        "Run A without Magnus": {"color": BLACK, "marker": "x"},
+        "Run A without lift": {"color": GREY, "marker": "^", "linewidth": 0.8},
+        "Run A without history": {"color": GREY, "marker": "v", "linewidth": 0.8},
+        "Run A without added mass": {"color": GREY, "marker": "P", "linewidth": 0.8},
+        "Run G: spin computed (3-4)": {"color": BLUE, "marker": "D"},
+    }
     for axes, (quantity, label) in zip(panels, AXES.items(), strict=True):
-        for name, (colour, marker) in zip(dict.fromkeys(r["name"] for r in records), looks, strict=True):
+        for name, look in looks.items():
             rows = sorted((r for r in records if r["name"] == name), key=lambda r: r["stage"])
-            _errors(axes, [r["stage"] for r in rows], [r[quantity] for r in rows], color=colour, marker=marker, label=name)
+            _errors(axes, [r["stage"] for r in rows], [r[quantity] for r in rows], label=name, markersize=5, **look)
         axes.set(xlabel=STAGE, ylabel=label)
+        if quantity != "velocity":
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter("{x:g}")
     figure.suptitle("Run A stops growing with T because the prescribed spin turns Magnus over; with computed spin nothing saturates")
-    _legend(figure, panels[0], 3)
+    _legend(figure, panels[0], 4)
     return figure
 
 

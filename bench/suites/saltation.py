@@ -12,7 +12,7 @@ import saltation
 from bench import grains
 from bench.grains import QUANTITIES, Task, base, changed, rounded
 from saltation import regressions, statistics
-from saltation.scene import scene_of
+from saltation.scene import Scene, scene_of
 from saltation.study import thesis
 
 COUNTED, COUNTED_SHORT = 600, 200  # jumps per run
@@ -303,21 +303,35 @@ def single(found: Found) -> list[dict[str, Any]]:
 # Distributions, forces, spin that is prescribed, spreading
 
 
+RUN_A: dict[str, tuple[float | None, str]] = {  # how Run A may be read: share kept, None for each Set's own, and the roughness of R1
+    "own f, R1 by (3-5)": (None, "R1"),
+    "f = 0.89, R1 by (3-5)": (0.89, "R1"),
+    "own f, R1 uniform ±30°": (None, "R1_uniform"),
+    "f = 0.89, R1 uniform ±30°": (0.89, "R1_uniform"),
+}
+PRINTED, ALIKE, UNIFORM = list(RUN_A)[:3]  # as Tables 3-3 and 3-4 have it; one f for all Sets; R1 as section 3.4.2 has it
+
+
+def run_a(reading: str) -> list[tuple[dict[str, Any], Scene]]:
+    """The 32 runs of Run A in one of its readings."""
+    retention, roughness = RUN_A[reading]
+    return [(labels, scene.changed(bed={"roughness": roughness})) for labels, scene in thesis.thesis(retention) if labels["run"] == "A"]
+
+
 def thesis_runs() -> dict[str, Content]:
-    """Runs A, B, C and G with Set 2 at R_p 73, T 1.87, from the campaign."""
-    chosen = {}
-    for labels, scene in thesis.thesis():
-        if labels["set"] == 2 and labels["particle_reynolds"] == 73.0 and labels["stage"] == 1.87 and labels["run"] in "ABCG":
-            chosen[labels["run"]] = scene.model_dump(mode="json", exclude_none=True)
-    return chosen
+    """Run A in every reading and Runs B, C and G with Set 2 at R_p 73, T 1.87, from the campaign."""
+    pairs = [(reading, pair) for reading in RUN_A for pair in run_a(reading)]
+    pairs += [(pair[0]["run"], pair) for pair in thesis.thesis() if pair[0]["run"] in "BCG"]
+    wanted = {"set": 2, "particle_reynolds": 73.0, "stage": 1.87}
+    return {name: scene.model_dump(mode="json", exclude_none=True) for name, (labels, scene) in pairs if wanted.items() <= labels.items()}
 
 
 def other_tasks(jumps: int, long: int) -> Tasks:
     """What single figures need."""
     tasks: Tasks = {}
     runs = thesis_runs()
-    for letter, content in runs.items():
-        tasks["heights", letter] = Task(changed(content, run={"jumps": jumps + 20, "discard": 20, "trajectory": False}), "heights")
+    for name, content in runs.items():
+        tasks["heights", name] = Task(changed(content, run={"jumps": jumps + 20, "discard": 20, "trajectory": False}), "heights")
     sand = base("sand", jumps)
     paths = changed(sand, run={"trajectory": True})
     tasks["forces", "sand"] = Task(paths, "forces")
@@ -326,9 +340,12 @@ def other_tasks(jumps: int, long: int) -> Tasks:
             shorter = {"jumps": jumps // 2 + 20, "discard": 20}
             tasks["magnus", stage, law] = Task(changed(paths, channel={"transport_stage": stage}, rotation={"law": law}, run=shorter), "forces")
     for stage in (1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0, 3.5, 4.0, 4.5, 5.0):
-        prescribed = changed(runs["A"], run={"jumps": jumps + 20, "discard": 20, "trajectory": False}, channel={"transport_stage": stage})
+        at = {"run": {"jumps": jumps + 20, "discard": 20, "trajectory": False}, "channel": {"transport_stage": stage}}
+        prescribed = changed(runs[PRINTED], **at)
         tasks["saturation", stage, "Run A: spin prescribed (3-6)"] = Task(prescribed)
-        tasks["saturation", stage, "Run A without Magnus"] = Task(changed(prescribed, without=("magnus",)))
+        tasks["saturation", stage, "Run A with f = 0.89"] = Task(changed(runs[ALIKE], **at))
+        for name, effect in (("Magnus", "magnus"), ("lift", "lift"), ("history", "history"), ("added mass", "added_mass")):
+            tasks["saturation", stage, f"Run A without {name}"] = Task(changed(prescribed, without=(effect,)))
         tasks["saturation", stage, "Run G: spin computed (3-4)"] = Task(changed(sand, channel={"transport_stage": stage}))
     tasks["diffusion", "sand"] = Task(changed(paths, run={"jumps": long + 20}), "spread")
     for figure, name, changes, _ in JUMPS:
@@ -368,16 +385,23 @@ def overlap(table: pd.DataFrame, measured: tuple[str, int], model: tuple[str, in
 
 
 def thesis_campaign(full: bool) -> dict[str, Any]:
-    """Runs A–H × Sets 1–4 over both grain sizes, judged by the regressions; a shorter table at one stage per size without --full."""
-    pairs = thesis.thesis()
+    """Runs A–H × Sets 1–4 over both grain sizes, and Run A in all its readings, judged by the regressions; without --full at two stages per size."""
+    pairs = [({**labels, "reading": "all"}, scene) for labels, scene in thesis.thesis()]
+    pairs += [({**labels, "reading": reading}, scene) for reading in RUN_A for labels, scene in run_a(reading)]
     if not full:
         pairs = [(labels, scene) for labels, scene in pairs if labels["stage"] in (1.87, 2.67, 3.08, 3.85)]
-    table = saltation.campaign(pairs)
+    found = saltation.campaign(pairs)
+    table = found[found["reading"] == "all"]
     columns = ["run", "set", "particle_reynolds", "stage", "restitution", "f", "f_is", "status", "jumps", "clipped", "creeping"]
     columns += [f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se")]
+    readings = {reading: found[found["reading"] == reading] for reading in RUN_A}
     return {
         "runs": rounded(table[columns].to_dict("records")),
         "judged": rounded(thesis.judge(table).to_dict("records")),
+        "run_a": {
+            reading: {"runs": rounded(own[columns].to_dict("records")), "judged": rounded(thesis.judge(own).to_dict("records"))}
+            for reading, own in readings.items()
+        },
         "overlap": overlap(table, ("E", 2), ("G", 2)),
     }
 

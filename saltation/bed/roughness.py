@@ -88,7 +88,7 @@ def truncated_normal(share: float, width: float, deviation: float) -> float:
     return x * root
 
 
-LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING, BOUNDED = range(6)  # how an angle is drawn
+LEVEL, TILTED, NORMAL, UNIFORM, SYMMETRIC, TOUCHING, BOUNDED = range(7)  # how an angle is drawn
 
 
 class Roughness(NamedTuple):
@@ -97,7 +97,7 @@ class Roughness(NamedTuple):
     Thesis section 3.2.3; R1 García & Niño (1992), R2 Tsuji et al. (1987), R3 Sommerfeld (1992).
     """
 
-    along: int  # how θ_b is drawn: LEVEL, TILTED, NORMAL, UNIFORM, TOUCHING or BOUNDED
+    along: int  # how θ_b is drawn: LEVEL, TILTED, NORMAL, UNIFORM, SYMMETRIC, TOUCHING or BOUNDED
     side: int  # how α_b is
     reading: int  # range of contact angles, place in `READINGS`
     least: float  # smallest 2r/d of a draw
@@ -105,9 +105,14 @@ class Roughness(NamedTuple):
     depth: float  # d, of the bed level below a centre in contact with an untilted bed, plus ½
 
 
+def faces_downstream(roughness: Roughness) -> bool:
+    """Whether contact planes may lean with the motion: a grain then meets them a second time close after the first."""
+    return roughness.along in (TILTED, NORMAL, SYMMETRIC) or (roughness.reading == SPHERES and roughness.along in (TOUCHING, BOUNDED))
+
+
 @shared
 def drawn(how: int, share: float, incidence: float, reading: int, least: float) -> tuple[float, float]:
-    """(angle, whether clipped) of one plane; uniform angles from 0 to 30°."""
+    """(angle, whether clipped) of one plane; uniform angles from 0 to 30°, symmetric ones within ±30°."""
     if how == LEVEL:
         return 0.0, 0.0
     if how == TILTED:
@@ -116,6 +121,8 @@ def drawn(how: int, share: float, incidence: float, reading: int, least: float) 
         return truncated_normal(share, TILT, 0.5 * TILT), 0.0
     if how == UNIFORM:
         return STEEPEST * share, 0.0
+    if how == SYMMETRIC:
+        return STEEPEST * (2.0 * share - 1.0), 0.0
     if how == TOUCHING:
         return touching(share, incidence, reading, least)
     return bounded(share, incidence, reading, least)
@@ -125,25 +132,23 @@ def drawn(how: int, share: float, incidence: float, reading: int, least: float) 
 def angles(roughness: Roughness, incidence: float, across: float, draws: Draws) -> Triple:
     """Tilts θ_b and α_b (radians) of the contact plane that a grain meets, and 1 where θ_b was clipped, else 0; thesis (3-5), section 3.2.3."""
     theta, clipped = drawn(roughness.along, draws[0], incidence, roughness.reading, roughness.least)
-    if roughness.side == UNIFORM:
-        alpha = STEEPEST * (2.0 * draws[1] - 1.0)
-    else:
-        alpha = drawn(roughness.side, draws[1], across, roughness.reading, roughness.least)[0]
-        if roughness.side in (TOUCHING, BOUNDED):
-            alpha = sided(alpha, draws[2], roughness.reading)
+    alpha = drawn(roughness.side, draws[1], across, roughness.reading, roughness.least)[0]
+    if roughness.side in (TOUCHING, BOUNDED):
+        alpha = sided(alpha, draws[2], roughness.reading)
     return theta, roughness.scatter * alpha, clipped
 
 
 ROUGHNESS: dict[str, Any] = {
     "flat": partial(Roughness, LEVEL, LEVEL),  # a smooth plane at the bed level
     "R1": partial(Roughness, TOUCHING, LEVEL),  # García & Niño (1992)
+    "R1_uniform": partial(Roughness, SYMMETRIC, LEVEL),  # θ_b within ±30° whatever the incidence, as thesis section 3.4.2 says of R1
     "R2": partial(Roughness, TILTED, TILTED),  # Tsuji et al. (1987): uniform within ±4°; the thesis's chapter 2 swaps R2 and R3
     "R3": partial(Roughness, NORMAL, NORMAL),  # Sommerfeld (1992): normal within ±4° (standard deviation 2°, truncated)
-    "R4": partial(Roughness, UNIFORM, UNIFORM),  # θ_b from 0 to 30°, α_b within ±30°; this and the rest: thesis section 3.2.3
+    "R4": partial(Roughness, UNIFORM, SYMMETRIC),  # θ_b from 0 to 30°, α_b within ±30°; this and the rest: thesis section 3.2.3
     "R5": partial(Roughness, TOUCHING, TOUCHING),  # r₁ ∈ U(0, ½), r₂ ∈ U(−½, ½)
     "R6": partial(Roughness, BOUNDED, BOUNDED),  # the same, both ranges bounded by 30°
-    "R7": partial(Roughness, TOUCHING, UNIFORM),
-    "R8": partial(Roughness, BOUNDED, UNIFORM),
+    "R7": partial(Roughness, TOUCHING, SYMMETRIC),
+    "R8": partial(Roughness, BOUNDED, SYMMETRIC),
 }
 """Sub-models by name: reading, least, scatter, depth -> Roughness."""
 

@@ -16,7 +16,7 @@ from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
 from basset.spectrum import STAYS, Following
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
-from saltation.bed.roughness import READINGS, ROUGHNESS
+from saltation.bed.roughness import READINGS, ROUGHNESS, Roughness, faces_downstream
 from saltation.effects import EFFECTS
 from saltation.effects.base import NoTorque, Setting
 from saltation.effects.history import KERNELS
@@ -27,7 +27,7 @@ from saltation.scene import Bed, Scene
 
 SPAN = 16.0  # d/V: the longest step of a flight from a bed; longer where flights may last longer or have no end
 FLOOR = 1e-5  # d/V: the shortest, unless the horizon asks for longer ones
-FLOOR_OF_ENCOUNTERS = 1e-7  # d/V: two contacts may follow each other more closely than a grain's takeoff and impact
+FLOOR_OF_CLOSE_CONTACTS = 1e-7  # d/V: of grains with each other, and with planes that face downstream
 RANGE = 0.999e12  # longest over shortest lag of the tabulated sums
 FOLLOWED = 10.0  # of the horizon, for the weights that follow the slip, see basset.spectrum
 EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long for some takeoffs
@@ -109,7 +109,17 @@ def shortest(scene: Any) -> float:
         c1, c2 = KERNELS[scene.options("history").kernel]
         power, stretch = 1.5 / c1, (0.25 * math.pi) ** (1.0 / 3.0) * n.reynolds * (QUICK / (0.75 + c2 * QUICK * n.reynolds)) ** 2
         step = min(step, (FELT * error / (n.history * stretch**power)) ** (1.0 / (0.5 + power)))
-    return min(FLOOR_OF_ENCOUNTERS if "encounters" in scene.names else FLOOR, 0.1 * step)
+    close = "encounters" in scene.names or (scene.bed is not None and faces_downstream(roughness_of(scene)))
+    return min(FLOOR_OF_CLOSE_CONTACTS if close else FLOOR, 0.1 * step)
+
+
+def roughness_of(scene: Scene) -> Roughness:
+    """How contact planes are drawn, of a scene with a bed."""
+    bed = scene.bed
+    assert bed is not None
+    scatter = 1.0 if bed.span_scatter and not scene.in_plane else 0.0
+    found: Roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, 0.5 if bed.roughness == "flat" else 0.25)
+    return found
 
 
 class Engine:
@@ -177,7 +187,12 @@ class Engine:
     @cached_property
     def bed(self) -> layout.Bed | None:
         """The bed for the loop; the first rebound of its kind is compiled."""
-        return self._bed(self.scene.bed) if self.scene.bed is not None else None
+        if self.scene.bed is None:
+            return None
+        rebound, data = contact.rebound_entry(self.rebound)
+        self._kept.append(data)
+        roughness = roughness_of(self.scene)
+        return layout.Bed(rebound, roughness, 1.0 - roughness.depth + 1e-9, self.scene.run.seed, 0)
 
     def _following(self, horizon: float) -> Following:
         """The kernel that follows the slip."""
@@ -210,14 +225,6 @@ class Engine:
             "sliding_only": lambda: SlidingOnly(restitution, friction),
         }
         return rebounds[bed.rebound]()
-
-    def _bed(self, bed: Bed) -> layout.Bed:
-        rebound, data = contact.rebound_entry(self.rebound)
-        self._kept.append(data)
-        depth = 0.5 if bed.roughness == "flat" else 0.25
-        scatter = 1.0 if bed.span_scatter and not self.scene.in_plane else 0.0
-        roughness = ROUGHNESS[bed.roughness](READINGS.index(bed.reading), 2.0 * bed.smallest_offset, scatter, depth)
-        return layout.Bed(rebound, roughness, 1.0 - depth + 1e-9, self.scene.run.seed, 0)
 
     def bed_of(self, grain: int) -> layout.Bed:
         """The bed as a grain finds it: its draws are its own."""

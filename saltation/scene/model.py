@@ -90,14 +90,15 @@ class SceneBase(Table):
     @property
     def names(self) -> tuple[str, ...]:
         """The effects, presets written out; all of them where they are still to be chosen."""
-        return tuple(self.preset.effects if isinstance(self.effects, str) else self.effects)
+        if not isinstance(self.effects, str):
+            return tuple(self.effects)
+        meeting = ("encounters",) if self.cloud is not None and self.preset.collisions else ()
+        return (*self.preset.effects, *meeting)
 
     @property
     def preset(self) -> Preset:
         """What a word for the effects stands for."""
-        if self.effects == AUTO:
-            return Preset((*ALL, "encounters") if self.cloud is not None else ALL, 3)
-        return PRESETS[str(self.effects)]
+        return Preset(ALL, 3, collisions="hard") if self.effects == AUTO else PRESETS[str(self.effects)]
 
     @property
     def in_plane(self) -> bool:

@@ -10,6 +10,7 @@ from saltation.effects.drag import LAWS
 from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES
 from saltation.scene import AUTO, Scene
+from saltation.scene.presets import differences
 
 
 class Number(NamedTuple):
@@ -170,6 +171,9 @@ def warnings(scene: Scene) -> list[str]:
     """What to be wary of, one sentence or two each."""
     n = scene.numbers
     found = [f"[{name}] is ignored: {name!r} is not among the effects" for name in ignored(scene)]
+    if isinstance(scene.effects, str) and scene.effects != AUTO:
+        profile = scene.channel.profile if scene.channel is not None else ""
+        found += [f"{scene.effects}: {text}" for text in differences(scene.preset, profile, scene.cloud is not None, scene.grain.diameter)]
     if n.stage is not None and n.stage < 1.0:
         found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: the regressions say that nothing jumps")
     speed = settling_velocity(scene)

@@ -22,12 +22,12 @@ STAGES = {73.0: ("sand", (1.79, 1.87, 2.43, 2.50, 2.67)), 250.0: ("sand_coarse",
 MODEL = ("run", "set")
 
 
-def thesis() -> list[tuple[dict[str, Any], Scene]]:
+def thesis(retention: float | None = None) -> list[tuple[dict[str, Any], Scene]]:
     """The 256 runs of the thesis's section 3.3.2: Runs A–H × Sets 1–4 × T, 220 jumps each, the first 20 left out.
 
     Run A is the two-dimensional flight with prescribed spin (3-6) and the rebound of García & Niño, whose f is the share of tangential velocity that is
-    *kept*: 0.89, Set 1's f, for all Sets, which then differ by e alone. All others are three-dimensional with the hard-sphere contact, whose f
-    is Coulomb's. All have one seed: they meet the same random numbers at the same impact.
+    *kept* (3A-1): each Set's own, or `retention` for all Sets, which then differ by e alone. All others are three-dimensional with the hard-sphere
+    contact, whose f is Coulomb's. All have one seed: they meet the same random numbers at the same impact.
     Labels: run, set, particle_reynolds, stage (T), restitution (e), f, f_is ("retention" or "Coulomb").
 
     >>> len(thesis())
@@ -44,7 +44,7 @@ def thesis() -> list[tuple[dict[str, Any], Scene]]:
                 model: dict[str, Any] = {"bed": {**bed, "friction": friction}}
                 if letter == "A":
                     del bed["friction"]
-                    friction = SETS[1][1]  # noqa: PLW2901 - as the docstring says
+                    friction = friction if retention is None else retention  # noqa: PLW2901
                     model = {"bed": {**bed, "rebound": "garcia_nino", "tangential_retention": friction}, "dimensions": 2, "rotation": {"law": "prescribed"}}
                 for stage in stages:
                     scene = scene_of({**base, **model, "channel": {**base["channel"], "transport_stage": stage}})

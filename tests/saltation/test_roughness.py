@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from saltation.bed.roughness import CLIP, LITERAL, READINGS, REJECT, ROUGHNESS, SPHERES, STEEPEST, TILT, angles, contact_plane, truncated_normal
+from saltation.bed.roughness import (
+    CLIP,
+    LITERAL,
+    READINGS,
+    REJECT,
+    ROUGHNESS,
+    SPHERES,
+    STEEPEST,
+    TILT,
+    angles,
+    contact_plane,
+    faces_downstream,
+    truncated_normal,
+)
 
 TOUCHING = ("R1", "R5", "R6", "R7", "R8")
 LIMIT = 1e-12  # radians, rounding
@@ -228,6 +241,23 @@ class TestPlanesAndUniform:
         assert stats.kstest(both[:, 0], stats.uniform(0.0, STEEPEST).cdf).pvalue > 0.02
         assert stats.kstest(both[:, 1], stats.uniform(-STEEPEST, 2.0 * STEEPEST).cdf).pvalue > 0.02
         assert both[:, 0].min() >= 0.0
+
+    def test_r1_as_the_discussion_has_it(self):
+        """Uniform within ±30° whatever the incidence, thesis section 3.4.2: mean 0, variance (π/6)²/3."""
+        level, steep = (np.array([angles(bed("R1_uniform"), incidence, 0.3, d) for d in draws(4000, 29)]) for incidence in (0.0, 1.2))
+        assert np.array_equal(level, steep)
+        assert stats.kstest(level[:, 0], stats.uniform(-STEEPEST, 2.0 * STEEPEST).cdf).pvalue > 0.02
+        assert level[:, 0].mean() == pytest.approx(0.0, abs=3.0 * STEEPEST / math.sqrt(3.0 * 4000))
+        assert level[:, 0].var() == pytest.approx((math.pi / 6.0) ** 2 / 3.0, rel=0.05)
+        assert not level[:, 1:].any()
+
+    def test_which_planes_face_downstream(self):
+        """Those that a draw tilts below the level."""
+        for name in ROUGHNESS:
+            for reading in range(len(READINGS)):
+                b = bed(name, reading)
+                least = min(angles(b, 0.3, 0.3, d)[0] for d in draws(200, 30))
+                assert faces_downstream(b) == (least < -1e-6), (name, reading)
 
     @pytest.mark.parametrize("name", ["R7", "R8"])
     def test_across_as_r4(self, name):

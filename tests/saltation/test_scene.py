@@ -1,5 +1,6 @@
 """Scenes: the contract, what is shipped, presets, options, numbers, and what a check says of them."""
 
+import math
 import tomllib
 
 import pytest
@@ -105,6 +106,47 @@ def test_presets_are_scenes(name):
     for effect, options in preset.options.items():
         assert {key: getattr(scene.options(effect), key) for key in options} == options
     assert changed("sand", effects=name, dimensions=5 - preset.dimensions).in_plane != scene.in_plane
+
+
+def test_grains_meet_in_a_cloud_as_they_did_in_the_preset():
+    """Table 2-1: four models of 15, one with hard spheres, three with soft ones."""
+    assert {name: preset.collisions for name, preset in PRESETS.items() if preset.collisions} == {
+        "shabani_2005": "soft",
+        "harada_gotoh_2006": "soft",
+        "yeganeh_2009": "soft",
+        "bialik_2011": "hard",
+    }
+    for name, preset in PRESETS.items():
+        scene = changed("sand_cloud", effects=name)
+        assert scene.names == (*preset.effects, *(["encounters"] if preset.collisions else []))
+        assert changed("sand", effects=name).names == preset.effects
+    plane = changed("sand_cloud", effects="bialik_2011")
+    assert plane.in_plane and plane.box[0] == pytest.approx(45 * math.pi / 6.0 / (0.0233 * 2.0))
+
+
+def test_what_a_preset_had_that_is_not_computed_is_said():
+    def said(scene):
+        return [text.removeprefix(f"{scene.effects}: ") for text in checks.warnings(scene) if text.startswith(f"{scene.effects}: ")]
+
+    inside = {"harada_gotoh_2006": 0.69e-3} | {name: 1e-3 * preset.diameters[0] for name, preset in PRESETS.items() if preset.diameters is not None}
+    alone = {name: said(changed("sand", effects=name, grain={"diameter": inside[name]})) for name in PRESETS}
+    streams = [name for name, texts in alone.items() if any("here it is the mean profile 'swamee'" in text for text in texts)]
+    assert streams == ["yeganeh_2000", "schmeeckle_nelson_2003", "harada_gotoh_2006", "yeganeh_2009", "bialik_2011", "bialik_2012"]
+    assert "its stream was a k–ε model: here it is the mean profile 'swamee'" in alone["yeganeh_2000"]
+    assert alone["shabani_2005"] == ["its grains met each other: for that, add a [cloud] table"]
+    assert [name for name, texts in alone.items() if not texts] == [
+        "lee_hsu_1994",
+        "nino_garcia_1998",
+        "lee_2000",
+        "lee_2006",
+        "lukerchenko_2006",
+        "lukerchenko_2009",
+    ]
+    assert "no equation of rotation" in alone["nino_garcia_1994"][0] and "built of single grains" in alone["sekine_kikkawa_1992"][0]
+    assert said(changed("sand_cloud", effects="shabani_2005", grain={"diameter": 0.05e-3})) == ["its grains met as soft spheres: here they meet as hard ones"]
+    assert not any("met" in text for text in said(changed("sand_cloud", effects="bialik_2011")))
+    assert said(changed("sand", effects="lee_2000")) == ["its grains measured 6 mm: here grain.diameter is 0.69 mm"]
+    assert said(changed("sand", effects="lee_hsu_1994")) == ["its grains measured 1.36 to 2.47 mm: here grain.diameter is 0.69 mm"]
 
 
 def test_a_table_overrides_a_preset_s_options():
