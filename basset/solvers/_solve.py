@@ -13,6 +13,8 @@ from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
 from basset.solvers.base import Event, Method, Solution, Task, outside, rounding, solution_of
 from basset.solvers.collocation import Collocation
 
+SHORTEST = 1e-280  # s, of a span: the shortest lags are 1e-12 of it, and their exponentials have to be numbers
+
 
 def solve(
     fun: Callable[..., Any],
@@ -181,6 +183,8 @@ def _task(
     start, end = _validate.number("t_span[0]", start), _validate.number("t_span[1]", end)
     if end <= start:
         raise ValueError("t_span must rise, got ({}, {})".format(*_validate.apart(start, end)))
+    if not SHORTEST <= end - start < np.inf:
+        raise ValueError(f"t_span must be {SHORTEST:g} s or longer and end - start a finite number, got ({start:g}, {end:g})")
     state = np.atleast_1d(_validate.real_array("y0", y0)).astype(np.float64)
     if state.ndim != 1 or not len(state):
         raise ValueError(f"y0 must be one-dimensional with at least one state, or have a column per system, got shape {np.shape(y0)}")

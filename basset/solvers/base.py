@@ -266,6 +266,12 @@ def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats |
         method._integrate(task, trace)
     except SolverError as error:
         trace.status, trace.message = -1, str(error) + "."
+    whole = np.isfinite(trace.states).all(axis=1)
+    if not whole.all():
+        last = max(1, int(whole.argmin()))
+        if trace.status >= 0:
+            trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
+        trace.times, trace.states = trace.times[:last], trace.states[:last]
     path = Path(trace.pieces, trace.states[-1]) if trace.pieces and (dense_output or wanted is not None) else None
     times, states = np.array(trace.times), np.array(trace.states).T
     if wanted is not None:
