@@ -225,7 +225,7 @@ def _task(
         direction = _validate.number(f"direction of event {index}", getattr(function, "direction", 0.0))
         listed.append(Event(function, args, index, _terminal(index, getattr(function, "terminal", None)), direction, jump))
     data: tuple[Any, ...] | None = args
-    if any(isinstance(value, (list, np.ndarray)) for value in args):
+    if any(not _is_plain(value) for value in args):
         from basset._compile import is_compiled  # loads the compiler
 
         try:
@@ -261,15 +261,21 @@ def _terminal(index: int, given: Any) -> int:
         raise (ValueError if isinstance(given, (int, float, np.number)) else TypeError)(wrong) from None
 
 
+def _is_plain(given: Any) -> bool:
+    """Whether an argument can go to compiled code as it is: a number that fits, or what numba knows and can tell apart."""
+    return given.__hash__ is not None and not (type(given) is int and given.bit_length() > 63)
+
+
 def _parameter(index: int, given: Any) -> Any:
-    """A list or an array for compiled code: a plain array, in C order; anything else as it is."""
-    if not isinstance(given, (list, np.ndarray)):
+    """A list, an array or a table of numbers for compiled code: a plain array, in C order; anything else as it is."""
+    if _is_plain(given):
         return given
     try:
         array = np.asarray(given, order="C")
     except ValueError:
         array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "fiub" or not array.dtype.isnative or np.ma.isMaskedArray(given):
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    if array.dtype.kind not in "fiub" or isinstance(given, int) or np.ma.isMaskedArray(given):
         raise TypeError(f"args[{index}] of a compiled fun must be a number or an array of numbers with equal rows, got {_validate.shown(given)}")
     return array
 
