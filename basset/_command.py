@@ -54,7 +54,7 @@ class Commands(click.Group):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Parse and run."""
         for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):  # the latter in the C locale
                 stream.reconfigure(errors="basset.escaped")
         return super().main(*args, **kwargs)
 
@@ -132,7 +132,8 @@ def mistakes_of_files(option: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise Mistake(f"{option}: {str(error.filename or '')!r} cannot be used: {error.strerror or error}") from None
+        name = f"{named(error.filename)!r} " if error.filename else ""  # what is written through a pipe has none
+        raise Mistake(f"{option}: {name}cannot be used: {error.strerror or error}") from None
 
 
 def check_output(path: Path, force: bool) -> None:

@@ -159,6 +159,8 @@ class Advice:
         ValueError
             If none keeps error and memory.
         """
+        if not self.candidates:
+            raise ValueError(f"time_scale must be long enough for some scheme to resolve it, got {self.time_scale:g} s: take a smaller dt")
         first = self.candidates[0]
         if first.meets:
             return first

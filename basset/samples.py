@@ -35,6 +35,8 @@ UNITS = {  # seconds; as UDUNITS and cftime spell them
 }
 KNOWN = "nanoseconds, microseconds, milliseconds, seconds, minutes, hours, days or weeks"
 NAME = re.compile(r"(?:t|time|times)(?:\s*(?:[\[(]\s*(?P<bracket>[^\])]*?)\s*[\])]|[/,]\s*(?P<slash>\S+)|[\s_](?P<word>\S+)))?", re.IGNORECASE)
+TIMELY = re.compile(r"time|date|clock|elapsed|(milli|micro|nano)?sec(ond)?s?\b|minutes?\b|hours?\b|days?\b", re.IGNORECASE)  # a name that may be of times
+GAPS = {"na", "n/a", "#n/a", "<na>", "null", "none", "nil", "missing"}  # words where a number is missing; NaN is a number
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}  # in this order: commas may be in numbers
 UNWRITTEN = {"f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "i4": -2147483647}  # netCDF's own fill values
 
@@ -46,6 +48,7 @@ class Times(NamedTuple):
     rounding: float
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def read(path: Path, dt: float | None = None, variable: str | None = None) -> tuple[Floats, float]:
     r"""Samples (n+1, columns) in the file's unit and their step (s), of a .csv, .npy (n+1, …) or .nc (netCDF-3) file; of .nc the `variable`, or the only one.
 
@@ -73,8 +76,8 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
         times, values = _from_netcdf(path, variable, dt is None)
     else:
         times, values = (_from_csv if suffix == ".csv" else _from_npy)(path, dt is None)
-    if len(values) < 2:
-        raise ValueError(f"{str(path)!r} must hold at least two samples, got {len(values)}")
+    if len(values) < 2 or not values.size:
+        raise ValueError(f"{str(path)!r} must hold at least two samples, got {len(values) if values.size else 0}")
     for name, array in (("samples", values), ("times", times.values if times else None)):
         if array is not None and not np.isfinite(array).all():
             first = np.argwhere(~np.isfinite(array))[0]
@@ -102,7 +105,7 @@ def _rises_evenly(column: Floats) -> bool:
     if len(column) < 3 or not np.isfinite(column).all():
         return False
     step, off = _evenness(column)
-    return step > 0.0 and bool(off.max() <= UNIFORM * step)
+    return step > 0.0 and bool(off.max() <= COARSE * step)
 
 
 def _times(path: Path, values: Floats, unit: float = 1.0, dtype: Any = None) -> Times:
@@ -168,13 +171,29 @@ def _no_times_first(path: Path, values: Floats, name: str) -> None:
         )
 
 
+def _samples_alone(path: Path, head: list[str], values: Floats, times: list[int], kept: list[int]) -> None:
+    """Refuse samples that stand under a name of times (T, t_min), and times that stand under another name."""
+    for k in times:
+        step, off = _evenness(values[:, k])
+        if not (step > 0.0 and off.max() <= step):
+            raise ValueError(f"{str(path)!r} must have rising times in the column {head[k]!r}, as its name says: name it otherwise if it holds samples")
+    for k in kept:
+        if TIMELY.search(head[k]) and _rises_evenly(values[:, k]):
+            raise ValueError(
+                f"{str(path)!r} must hold samples beside the times, got the column {head[k]!r} that rises evenly, as times do: leave it out, or name it t"
+            )
+
+
 # CSV
 
 
 def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
-    head, values = _table(path)
+    head, values = _table(path, timed)
     if head is None:
         return _first_column(path, values, timed)
+    for k, name in enumerate(head):
+        if not name.strip() and not ((values[:, k] == np.rint(values[:, k])).all() or (np.diff(values[:, k]) > 0.0).all()):
+            raise ValueError(f"{str(path)!r} must have a name for every column, got none for column {k + 1}, which is no index")
     index = next((k for k, name in enumerate(head) if not _is_index(name, values[:, k])), len(head))  # columns before it are pandas'
     found = [k for k, name in enumerate(head) if _is_time(name)]
     if timed and len(found) != 1:
@@ -185,6 +204,7 @@ def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
         raise ValueError(f"{str(path)!r} must hold samples beside times, got the columns {_validate.shown(head)}")
     if not found:
         _no_times_first(path, values[:, kept], head[kept[0]])
+    _samples_alone(path, head, values, [] if timed else found, kept)
     return _times(path, values[:, found[0]], _unit(path, head[found[0]], None)) if timed else None, values[:, kept]
 
 
@@ -194,7 +214,7 @@ def _is_index(name: str, column: Floats) -> bool:
     return not name.strip() or name.startswith("Unnamed:") or (name.strip() == "index" and counts)
 
 
-def _table(path: Path) -> tuple[list[str] | None, Floats]:
+def _table(path: Path, timed: bool) -> tuple[list[str] | None, Floats]:
     """(names or None, numbers) of a text file."""
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -207,7 +227,7 @@ def _table(path: Path) -> tuple[list[str] | None, Floats]:
     separator = _separator([line for _, line in lines[:2]])
     head = None
     first = _split(path, lines[0], separator)
-    if any(_number(cell, separator) is None for cell in first):
+    if _are_names(first, separator):
         head, lines = first, lines[1:]
     if not lines:
         raise ValueError(f"{str(path)!r} must hold samples, got none")
@@ -222,22 +242,49 @@ def _table(path: Path) -> tuple[list[str] | None, Floats]:
             form = f"{width} number{'s' * (width > 1)} in every row, separated by {by}" + " and with one decimal sign" * commas
             raise ValueError(f"{str(path)!r} must have {form}, got {_validate.shown(line[1].strip())} in row {line[0]}")
         rows.append(row)
+    if head is None and (len(first) > 2 or not timed) and first == [str(k) for k in range(len(first))] and not _has_whole(path, lines[1:], separator):
+        raise ValueError(
+            f"{str(path)!r} must have names for its columns or none, got {_validate.shown(lines[0][1].strip())} in row {lines[0][0]}, as pandas numbers "
+            "columns: give them names, or a decimal sign if these are samples"
+        )
     if head is None:  # numpy.savetxt writes names as a comment
         comments = [line.lstrip()[1:].strip() for number, line in numbered if number < lines[0][0]]
         named = _split(path, (0, comments[-1]), separator) if comments else []
         head = named if len(named) == len(rows[0]) and any(map(_is_time, named)) else None
-    elif len(head) == len(rows[0]) - 1:  # R names no column of row names
+    elif len(head) == len(rows[0]) - 1 and _numbers_rows([row[0] for row in rows], separator):
         head = ["", *head]
     elif len(head) != len(rows[0]):
         raise ValueError(f"{str(path)!r} must have a name for every column, got {len(head)} names for {len(rows[0])} columns")
     return head, np.array(rows)
 
 
+def _numbers_rows(column: list[float], separator: str) -> bool:
+    """Whether a column that lacks a name may be the row names of R, which count from 1, or between spaces pandas' index."""
+    return all(value >= (separator != " ") and value.is_integer() for value in column) and len(set(column)) == len(column)
+
+
+def _are_names(cells: list[str], separator: str) -> bool:
+    """Whether a first line holds names, and not numbers of which one is missing or cannot be read."""
+    words = [cell.strip() for cell in cells if _number(cell, separator) is None]
+    if len(words) < len(cells):  # names may be numbers, as depths are; pandas counts columns, beside an index without a name
+        counts = not cells[0].strip() and cells[1:] == [str(k) for k in range(len(cells) - 1)]
+        words = [cells[1]] if counts else [word for word in words if not re.match(r"[-+\N{MINUS SIGN}.\d]", word)]
+    return any(re.search(r"\w", word) and word.lower() not in GAPS for word in words)
+
+
+def _has_whole(path: Path, lines: list[tuple[int, str]], separator: str) -> bool:
+    """Whether a number is written without a decimal sign, unlike pandas' floats."""
+    return not lines or any(re.fullmatch(r"\s*[-+]?\d+\s*", cell) for line in lines for cell in _split(path, line, separator))
+
+
 def _separator(lines: list[str]) -> str:
     """What separates numbers: that by which the second line falls into numbers, as the first may hold names."""
     probe = lines[-1].strip(" \r")
     for separator in SEPARATORS:
-        cells = next(csv.reader([probe], delimiter=separator, skipinitialspace=True), [])
+        try:
+            cells = next(csv.reader([probe], delimiter=separator, skipinitialspace=True), [])
+        except csv.Error:  # a field of more than 100 kB
+            continue
         if len(cells) > 1 and all(_number(cell, separator) is not None for cell in cells):
             return separator
     alone = _number(probe.strip('"'), ",") is not None
@@ -276,7 +323,7 @@ def _from_npy(path: Path, timed: bool) -> tuple[Times | None, Floats]:
     array = _real(path, array)
     if timed and array.ndim > 2:
         raise ValueError(f"{str(path)!r} must have at most two axes where its first column is the times, or the step be given, got shape {array.shape}")
-    return _first_column(path, array.astype(np.float64).reshape(len(array), -1), timed, array.dtype)
+    return _first_column(path, array.astype(np.float64).reshape(len(array), int(np.prod(array.shape[1:]))), timed, array.dtype)
 
 
 # netCDF
@@ -287,34 +334,43 @@ def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times |
 
     with path.open("rb") as file:  # xarray's own words for a file that is not there are long
         start = file.read(4)
-    if start == b"\x89HDF":
-        raise ValueError(f"{str(path)!r} must be a netCDF-3 file, got netCDF-4 (HDF5): convert it with nccopy -k classic")
+    if start in (b"\x89HDF", b"CDF\x05"):
+        kind = "CDF-5" if start[:1] == b"C" else "netCDF-4 (HDF5)"
+        raise ValueError(f"{str(path)!r} must be a netCDF-3 file, got {kind}: convert it with nccopy -k classic")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what its attributes name may be missing
             opened = xarray.load_dataset(path, engine="scipy", decode_times=False, decode_timedelta=False, decode_coords="all")
+            stored = xarray.load_dataset(path, engine="scipy", decode_cf=False)
     except Exception:  # whatever a damaged file leads to
         raise ValueError(f"{str(path)!r} must be a netCDF-3 file") from None
-    opened = opened.set_coords([name for name in opened.data_vars if name != variable and _rank(opened, name) < UNIT_ONLY])
+    others = [name for name in opened.data_vars if name != variable and _rank(opened, name) < UNIT_ONLY]
+    if len(others) < len(opened.data_vars):  # a temperature T may be all there is
+        opened = opened.set_coords(others)
     names = list(map(str, opened.data_vars))
+    if not names:
+        raise ValueError(f"{str(path)!r} must hold a variable beside coordinates")
     if variable is None and len(names) != 1:
         raise ValueError(f"a variable of {str(path)!r} must be named: {', '.join(map(repr, names))}")
     found = opened[_validate.choice("variable", variable or names[0], names)]
-    _real(path, found.values)
+    if not _real(path, found.values).size:
+        raise ValueError(f"{str(path)!r} must hold at least two samples, got {found.name!r} without any")
     time = _time_of(path, found, timed)
     known = [dim for dim in found.dims if _is_time(str(dim))]
     if time is None:
         if len(known) != 1 and found.ndim > 1:
             raise ValueError(f"{str(path)!r} must name its dimension of time t or time, got {found.name!r} with the dimensions {_listed(found.dims)}")
         dim, times = known[0] if known else found.dims[0], None
+        if not known and dim in found.coords and _is_of_space({key: str(value).strip() for key, value in found.coords[dim].attrs.items()}):
+            raise ValueError(f"{str(path)!r} must hold samples in time, got {found.name!r} along {str(dim)!r}")
     else:
-        dim, values = (time.dims[0], np.empty(0)) if time.ndim == 1 and not timed else _along(path, time)
+        dim, values = (time.dims[0], np.empty(0)) if time.ndim == 1 and not timed else _along(path, time, stored)
         if known and dim not in known:
             raise ValueError(f"{str(path)!r} must have one dimension of time, got {str(known[0])!r} and, by {str(time.name)!r}, {str(dim)!r}")
         units = time.attrs.get("units")
         times = _times(path, values, _unit(path, str(time.name), None if units is None else str(units)), _stored(time)) if timed else None
-    values = np.moveaxis(_present(path, found), found.dims.index(dim), 0).astype(np.float64)
-    return times, values.reshape(len(values), -1)
+    values = np.moveaxis(_present(path, found, stored), found.dims.index(dim), 0).astype(np.float64)
+    return times, values.reshape(len(values), int(np.prod(values.shape[1:])))
 
 
 UNIT_ONLY = 3  # the weakest sign of time
@@ -328,9 +384,17 @@ def _rank(opened: Any, name: Any) -> float:
     if re.search(r"\ssince\s", attributes.get("units", "")):
         return 1
     units = attributes.get("units", "")
+    if _is_of_space({**attributes, "units": ""}):
+        return np.inf
     timely = _seconds(units) is not None
     named = _is_time(str(name)) and (len(str(name)) > 1 or not units or timely)  # t may be a temperature
     return 2 if named else UNIT_ONLY if timely else np.inf
+
+
+def _is_of_space(attributes: dict[str, str]) -> bool:
+    """Whether a coordinate says that it is not one of time: of space, or whatever else has a standard name or a unit."""
+    other = attributes.get("standard_name", "forecast_period") not in ("forecast_period", "forecast_reference_time")
+    return other or attributes.get("axis") in ("X", "Y", "Z") or "positive" in attributes or attributes.get("units", "") not in ("", "1")
 
 
 def _time_of(path: Path, found: Any, timed: bool) -> Any:
@@ -351,9 +415,9 @@ def _time_of(path: Path, found: Any, timed: bool) -> Any:
     return found.coords[names[0]] if names else None
 
 
-def _along(path: Path, time: Any) -> tuple[Any, Floats]:
+def _along(path: Path, time: Any, stored: Any) -> tuple[Any, Floats]:
     """(dimension, times as stored): of each row the same where there are several, as in (trajectory, obs)."""
-    values = _present(path, time).astype(np.float64)
+    values = _present(path, time, stored).astype(np.float64)
     for axis, dim in enumerate(time.dims):
         rows = np.moveaxis(values, axis, -1).reshape(-1, values.shape[axis])
         if (rows == rows[:1]).all() and (values.ndim == 1 or values.shape[axis] > 1):
@@ -361,19 +425,38 @@ def _along(path: Path, time: Any) -> tuple[Any, Floats]:
     raise ValueError(f"{str(path)!r} must have the same times in every row of {time.name!r} {_listed(time.dims)}: take one of them")
 
 
-def _present(path: Path, found: Any) -> Any:
+def _present(path: Path, found: Any, stored: Any) -> Any:
     """The values of a variable; refused where some were not written."""
     values = _real(path, found.values)
-    missing = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
-    if not {"_FillValue", "missing_value"} & set(found.encoding):
-        stored = np.dtype(_stored(found))
-        missing |= values == stored.type(UNWRITTEN.get(stored.str[1:], np.inf)) if stored.str[1:] in UNWRITTEN else False
+    missing = np.isnan(values) | _marked(stored[found.name])
     if missing.any():
         raise ValueError(
             f"{str(path)!r} must have no missing values in {found.name!r}, got {missing.sum()} of {missing.size}, the first in row "
             f"{np.argwhere(missing)[0][0]}: {_validate.FILL}"
         )
     return values
+
+
+def _marked(stored: Any) -> Any:
+    """Which values of a variable as it is stored are missing by its attributes: as CF has it, by a fill value or out of the valid range."""
+
+    def numbers(name: str) -> Any:
+        try:
+            found = np.atleast_1d(np.asarray(stored.attrs.get(name, []), dtype=np.float64))
+        except (TypeError, ValueError):
+            found = np.empty(0)
+        return found.astype(values.dtype) if values.dtype.kind == "f" else found  # 1e20 is another number in single precision
+
+    values = stored.values
+    if {"_FillValue", "missing_value"}.isdisjoint(stored.attrs):
+        marks = np.array([UNWRITTEN[code]] if (code := values.dtype.str[1:]) in UNWRITTEN else [])
+    else:
+        marks = np.concatenate([numbers("_FillValue"), numbers("missing_value")])
+    missing = np.isin(values, marks.astype(values.dtype) if values.dtype.kind == "f" else marks)
+    if "_Unsigned" not in stored.attrs:
+        least, most = limits if len(limits := numbers("valid_range")) == 2 else ([*numbers("valid_min"), -np.inf][0], [*numbers("valid_max"), np.inf][0])
+        missing |= (values < least) | (values > most)
+    return missing
 
 
 def _stored(found: Any) -> Any:

@@ -148,6 +148,8 @@ def ending(code: int, grain: Grain) -> tuple[str, str]:
     short = grain.flight[layout.SHORT]
     if code == layout.JUMPS and short >= min(STILL, grain.flight[layout.TAKEN]):
         code = layout.REST
+    if STATUS.get(code, ("failed",))[0] == "failed" and grain.state.numbers[stepper.TIME] > grain.engine.horizon:
+        code = layout.HORIZON  # a step that outlasts its memory cannot be exact
     if code == layout.REST and abs(grain.flight[layout.U]) > SLIDING:
         return "creeping", "the grain slides along the bed: impacts follow each other without flight"
     diverged = "the steps diverge: take a smaller solver.dt or a lower history.order" if isinstance(grain, FixedGrain) else "the flight stopped"

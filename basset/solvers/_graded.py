@@ -151,7 +151,8 @@ class Integration:
 
     def _least_depth(self, task: Task) -> int:
         """The least depth for jumps, or for a slip that fades within 1/(πc²)."""
-        fading = math.pi * float(np.max(task.coefficient, initial=0.0)) ** 2 * (task.end - task.start)
+        strongest = float(np.max(task.coefficient, initial=0.0))
+        fading = math.pi * strongest * strongest * (task.end - task.start)
         return int(any(event.jump is not None for event in task.events) or fading > 1e5)
 
     def serves(self, task: Task) -> bool:

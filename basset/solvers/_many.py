@@ -15,7 +15,7 @@ from basset._compile import compiled, is_compiled, placed, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
-from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, solution_of
+from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, off_surfaces, solution_of
 
 if TYPE_CHECKING:
     from basset.solvers.base import Method
@@ -105,19 +105,20 @@ class Block:
         if not fast or len(first.breaks) or first.data is None or not hasattr(self.method, "stages"):
             return [self._alone(task) for task in self.tasks]
         try:
+            starts = np.array([off_surfaces(task).y0 for task in self.tasks])
             one = Integration(self.method, first, Trace([first.start], [first.y0.copy()], []))
         except SolverError:
             return [self._alone(task) for task in self.tasks]
         if not len(one.tables.unit.local):  # the tables of the last step would have to come from Python
             return [self._alone(task) for task in self.tasks]
-        return self._marched(one)
+        return self._marched(one, starts)
 
     def _alone(self, task: Task) -> Solution:
         task.nfev = 0
         task.release()
         return solution_of(task, self.method, self.dense, self.wanted)
 
-    def _marched(self, one: Integration) -> list[Solution]:
+    def _marched(self, one: Integration, starts: Floats) -> list[Solution]:
         first, count = self.tasks[0], len(self.tasks)
         one.record = one.record_of(RECORDED)
         one.tables.fill_all()
@@ -130,7 +131,7 @@ class Block:
         codes = np.where(alike, UNDONE, BEGUN)
         whole = partial(np.zeros, count, dtype=np.int64)
         columns = Columns(
-            np.array([task.y0 for task in self.tasks]),
+            starts,
             np.array([task.slip[one.active] for task in self.tasks]).reshape(count, -1),
             np.array([task.coefficient[one.active] for task in self.tasks]).reshape(count, -1),
             arguments, one.arguments, codes, whole(), whole(), whole(), np.zeros(count), np.zeros((count, len(first.y0))),

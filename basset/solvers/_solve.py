@@ -13,6 +13,8 @@ from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
 from basset.solvers.base import Event, Method, Solution, Task, outside, rounding, solution_of
 from basset.solvers.collocation import Collocation
 
+SHORTEST = 1e-280  # s, of a span: the shortest lags are 1e-12 of it, and their exponentials have to be numbers
+
 
 def solve(
     fun: Callable[..., Any],
@@ -62,7 +64,8 @@ def solve(
     events : callable or list of callables, or None
         event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool, or the number of occurrences
         after which to stop, as in SciPy), `direction` (−1, 0, 1) and `jump`, a function (t, y, *args) -> y after: the state
-        changes there and the change is remembered. A zero at the very start is no event.
+        changes there and the change is remembered. A zero at the very start is no event, but for a jump with a direction in which
+        the function then goes: a body that starts on its floor does not fall through it.
     dense_output : bool
         Whether to return the solution as a function of time.
     max_steps : int
@@ -181,6 +184,8 @@ def _task(
     start, end = _validate.number("t_span[0]", start), _validate.number("t_span[1]", end)
     if end <= start:
         raise ValueError("t_span must rise, got ({}, {})".format(*_validate.apart(start, end)))
+    if not SHORTEST <= end - start < np.inf:
+        raise ValueError(f"t_span must be {SHORTEST:g} s or longer and end - start a finite number, got ({start:g}, {end:g})")
     state = np.atleast_1d(_validate.real_array("y0", y0)).astype(np.float64)
     if state.ndim != 1 or not len(state):
         raise ValueError(f"y0 must be one-dimensional with at least one state, or have a column per system, got shape {np.shape(y0)}")
@@ -220,7 +225,7 @@ def _task(
         direction = _validate.number(f"direction of event {index}", getattr(function, "direction", 0.0))
         listed.append(Event(function, args, index, _terminal(index, getattr(function, "terminal", None)), direction, jump))
     data: tuple[Any, ...] | None = args
-    if any(isinstance(value, (list, np.ndarray)) for value in args):
+    if any(not _is_plain(value) for value in args):
         from basset._compile import is_compiled  # loads the compiler
 
         try:
@@ -256,15 +261,21 @@ def _terminal(index: int, given: Any) -> int:
         raise (ValueError if isinstance(given, (int, float, np.number)) else TypeError)(wrong) from None
 
 
+def _is_plain(given: Any) -> bool:
+    """Whether an argument can go to compiled code as it is: a number that fits, or what numba knows and can tell apart."""
+    return given.__hash__ is not None and not (type(given) is int and given.bit_length() > 63)
+
+
 def _parameter(index: int, given: Any) -> Any:
-    """A list or an array for compiled code: a plain array, in C order; anything else as it is."""
-    if not isinstance(given, (list, np.ndarray)):
+    """A list, an array or a table of numbers for compiled code: a plain array, in C order; anything else as it is."""
+    if _is_plain(given):
         return given
     try:
         array = np.asarray(given, order="C")
     except ValueError:
         array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "fiub" or not array.dtype.isnative or np.ma.isMaskedArray(given):
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    if array.dtype.kind not in "fiub" or isinstance(given, int) or np.ma.isMaskedArray(given):
         raise TypeError(f"args[{index}] of a compiled fun must be a number or an array of numbers with equal rows, got {_validate.shown(given)}")
     return array
 

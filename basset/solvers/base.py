@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -259,13 +259,38 @@ class Method(abc.ABC):
         """Advance from task.start to task.end, appending to `trace`; raise SolverError when it cannot go on."""
 
 
+def off_surfaces(task: Task) -> Task:
+    """The task; if a body starts on a surface and heads through it, from a state next to y0: the solver sees changes of sign alone."""
+    start, y0, short = task.start, task.y0, 1e-6 * (task.end - task.start)
+    for event in task.events:
+        if event.jump is None or event.direction == 0.0 or event.value(start, y0) != 0.0:
+            continue
+        ahead = y0 + short * task.free(start, y0)
+        ahead = ahead + short * task.free(start + short, ahead)  # from rest the first one does not move it
+        if event.value(start + 2.0 * short, ahead) * event.direction <= 0.0:
+            continue
+        shifts = 1e-8 * np.maximum(np.abs(y0), np.abs(ahead - y0).max())
+        slope = np.array([event.value(start, y0 + shift) for shift in np.diag(shifts)]) / np.where(shifts > 0.0, shifts, 1.0)
+        far = max(256.0 * float(np.spacing(np.abs(y0).max())), 1e-12 * float(np.abs(ahead - y0).max()))  # out of the reach of rounding
+        if slope.any() and event.value(start, moved := y0 - event.direction * far * slope / (slope @ slope)) * event.direction < 0.0:
+            y0 = moved
+    return task if y0 is task.y0 else replace(task, y0=y0)
+
+
 def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
     """The solution of one system."""
     trace = Trace([task.start], [task.y0.copy()], [])
     try:
+        task = off_surfaces(task)
         method._integrate(task, trace)
     except SolverError as error:
         trace.status, trace.message = -1, str(error) + "."
+    whole = np.isfinite(trace.states).all(axis=1)
+    if not whole.all():
+        last = max(1, int(whole.argmin()))
+        if trace.status >= 0:
+            trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
+        trace.times, trace.states = trace.times[:last], trace.states[:last]
     path = Path(trace.pieces, trace.states[-1]) if trace.pieces and (dense_output or wanted is not None) else None
     times, states = np.array(trace.times), np.array(trace.states).T
     if wanted is not None:

@@ -24,7 +24,7 @@ VALID = "far from the wall"
 class Options(Table):
     """The coefficient, and which form."""
 
-    coefficient: float = Field(0.5, ge=0.0, description="C_m, dimensionless")
+    coefficient: float = Field(0.5, ge=0.0, le=1e6, description="C_m, dimensionless")
     form: Literal["thesis", "auton"] = Field("thesis", description="with the remainder C_m w du_f/dz, or without")
 
 

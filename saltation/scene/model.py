@@ -32,7 +32,7 @@ LONGEST = 1e9  # d/u*: longer memories lose accuracy by rounding
 PATIENCE = 1000.0  # d/u*: a longer flight is taken to be one that never comes down …
 FASTEST = 100.0  # V: … unless a grain that leaves the bed so fast would fly longer without drag …
 SUSPENDED = 1e6  # d/u*: … or sinks slowly, but in this time
-FEWEST = 1e-9  # d/u*: of a run's duration
+FEWEST, LATEST = 1e-9, 1e15  # d/u*: of a run's duration
 MOST_STEPS = 1e8  # fixed ones
 MOST_TIMES = 10**7  # that are kept of a cloud
 FINEST = 1e-13  # relative error of sums of exponentials
@@ -281,8 +281,8 @@ class SceneBase(Table):
             return
         end, dt = self.run.duration / self.numbers.time, self.solver.dt
         least = f"{FEWEST * self.numbers.time:.3g} s ({FEWEST:g} d/u*)"
-        if not end >= FEWEST:
-            raise ValueError(f"run.duration must be {least} or longer, got {self.run.duration:g}")
+        if not FEWEST <= end <= LATEST:
+            raise ValueError(f"run.duration must be {least} or longer, and {LATEST * self.numbers.time:.3g} s at most, got {self.run.duration:g}")
         if dt is not None and not end / dt <= MOST_STEPS * (1.0 + 1e-9):
             raise ValueError(f"run.duration must be {MOST_STEPS:g} steps or less, got {end / dt:.3g} of solver.dt = {dt:g} d/u*")
         if self.cloud is not None and self.run.trajectory and not end / self.cloud.interval <= MOST_TIMES:

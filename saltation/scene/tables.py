@@ -33,7 +33,7 @@ def _one_of(options: Any) -> BeforeValidator:
     """A string from `options`, with a suggestion."""
 
     def check(value: Any) -> Any:
-        if value not in options:
+        if not isinstance(value, str) or value not in options:
             names = ", ".join(repr(name) for name in options)
             hint = _validate.suggestion(value, options) if isinstance(value, str) else ""
             raise ValueError(f"must be one of {names}, got {_validate.shown(value)}{hint}")
@@ -76,7 +76,7 @@ class Channel(Table):
     slope: float = Field(0.0, gt=-1.0, lt=1.0, description="tangent of the bed's angle, dimensionless")
     profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
     roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
-    von_karman: float = Field(VON_KARMAN, gt=0.0, lt=1.0, description="κ, dimensionless")
+    von_karman: float = Field(VON_KARMAN, ge=1e-3, lt=1.0, description="κ, dimensionless")
 
     @model_validator(mode="after")
     def _one_velocity(self) -> Channel:
@@ -158,12 +158,12 @@ class Cloud(Table):
 class Run(Table):
     """How long, and which random numbers."""
 
-    jumps: int | None = Field(None, ge=1, description="number of jumps; or give duration")
+    jumps: int | None = Field(None, ge=1, le=10**9, description="number of jumps; or give duration")
     duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
     discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
     seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
     longest_flight: float | None = Field(
-        None, gt=0.0, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
+        None, ge=1e-9, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
     )
     trajectory: bool = Field(True, description="whether the path is kept")
 

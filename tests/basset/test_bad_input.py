@@ -387,6 +387,27 @@ def test_no_door_takes_what_lies_under_a_mask():
         np.testing.assert_array_equal(one, other)
 
 
+def test_numbers_at_the_ends_of_double_precision():
+    """No success without a number, and a solution up to where it left them."""
+    for method in (basset.RungeKutta4(0.1), basset.FixedStep(0.1), basset.Collocation()):
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = basset.solve(lambda t, y: [1e308], (0.0, 4.0), [1.0], coefficient=0.5, method=method)
+        assert r.status == -1 and np.isfinite(r.y).all() and len(r.t) == r.y.shape[1]
+        with np.errstate(over="ignore", invalid="ignore"):
+            assert basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=1e308, method=method).status == -1
+
+    def leap(t, y):
+        return y[0] - 0.8
+
+    leap.jump = lambda t, y: [np.nan]
+    r = basset.solve(lambda t, y: -y, (0.0, 1.0), [1.0], coefficient=0.5, events=leap)
+    assert r.status == -1 and np.isfinite(r.y).all()
+    for span in ((0.0, 5e-324), (0.0, 1e-300), (-1e308, 1e308)):
+        refused(ValueError, r"t_span must be 1e-280 s or longer and end - start a finite number", basset.solve, lambda t, y: -y, span, [1.0])
+    with pytest.raises(ValueError, match="time_scale must be long enough"):
+        _ = basset.advise(1e-3, time_scale=1e-320, dt=0.1, steps=10).best
+
+
 @pytest.mark.parametrize("name", ["y0", "initial_slip", "t_eval", "coefficient"])
 def test_solve_takes_nothing_masked(name):
     given = {"y0": [1.0, 2.0], "initial_slip": [1.0, 2.0], "t_eval": [0.5, 0.75], "coefficient": [0.5, 0.5]}

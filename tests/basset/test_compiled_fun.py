@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray
 
 import basset
 from basset import _compile, reference
@@ -132,7 +134,17 @@ def test_arrays_and_lists_among_the_arguments_are_read_at_the_call(method):
         assert found.y[0, -1] == pytest.approx(float(exact), abs=1e-7 if isinstance(method, basset.Collocation) else 0.05)
 
 
-@pytest.mark.parametrize("bad", [["a", 1.0], [[1.0], [1.0, 2.0]], np.array([None, 1.0])], ids=str)
+def relaxes(t, y, a):
+    return -a[0] * y
+
+
+@pytest.mark.parametrize("given", [pd.Series([0.7, 2.0]), np.array([0.7], ">f8"), xarray.DataArray([0.7]), np.array([3.0, 0.7])[::-1]], ids=range(4))
+def test_what_can_be_an_array_is_one(given):
+    found = basset.solve(made(relaxes), (0.0, 1.0), [1.0], coefficient=0.6, args=(given,))
+    assert found.y[0, -1] == pytest.approx(float(reference.relaxing(1.0, 0.7, 0.6)), abs=1e-6)
+
+
+@pytest.mark.parametrize("bad", [["a", 1.0], [[1.0], [1.0, 2.0]], np.array([None, 1.0]), {0: 1.0}, {1.0}, 2**63], ids=str)
 def test_arguments_that_are_no_data_are_refused(bad):
     fun = made(relax)
     if _compile.is_compiled(fun):

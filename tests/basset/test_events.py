@@ -283,6 +283,22 @@ class TestRestOfOneOfSeveral:
         assert result.status == 0
         assert result.y[1, -1] - 1.0 == pytest.approx(8.0 / 6.0, abs=1e-6 if method is METHODS["collocation"] else 0.15)
 
+    @pytest.mark.parametrize("floor", [0.0, 5.0, -1e4])
+    @pytest.mark.parametrize("speed", [1.0, 0.0])
+    @pytest.mark.parametrize("name", ["collocation", "daitche_1", "slips", "runge_kutta_4"])
+    def test_a_body_that_starts_on_its_floor_does_not_fall_through(self, name, speed, floor):
+        """Thrown down with speed 1 it rests after 2e/(1 − e) = 2; what else moves goes on."""
+        hit = marked(lambda t, y: y[1] - floor, direction=-1, jump=lambda t, y: [-0.5 * y[0], *y[1:]])
+        start = [-speed, floor, 0.0]
+        result = basset.solve(lambda t, y: [-1.0, y[0], 1.0], (0.0, 3.0), start, [0], 0.0, events=hit, method=METHODS[name])
+        exact = name == "collocation"
+        assert result.t_events[0][-1] == pytest.approx(2.0 * speed, abs=1e-3 if exact else 0.6)
+        assert result.y[1].min() - floor > (-1e-7 if exact else -0.06)
+        assert result.y[:, 0].tolist() == start
+        if speed:
+            assert result.status == 0
+            assert result.y[:, -1] == pytest.approx([0.0, floor, 3.0], abs=1e-7 if exact else 0.02)
+
     def test_a_body_with_friction_cannot_be_held(self):
         hit = marked(lambda t, y: y[1], direction=-1, jump=lambda t, y: [-0.5 * y[0], y[1], y[2] - 0.1 * abs(y[0])])
         result = basset.solve(lambda t, y: [-1.0, y[0], 0.0], (0.0, 9.0), [0.0, 0.5, 3.0], [0], 0.0, events=hit)

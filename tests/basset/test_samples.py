@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,37 @@ def test_what_was_never_written_is_a_gap(kind, fill):
     refused(r"must have no missing values in 'g', got 1 of 60, the first in row 5", path)
 
 
+@pytest.mark.parametrize(
+    "attributes",
+    [{"valid_min": -2.0}, {"valid_range": np.array([-2.0, 2.0])}, {"missing_value": np.array([-999.9, -1.0e9])}, {"missing_value": "-999.9"}],
+    ids=["minimum", "range", "two marks", "text"],
+)
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_what_its_attributes_call_missing_is_a_gap(attributes, kind):
+    """Also where the mark has more digits than what is stored."""
+    values = np.where(np.arange(N) == 4, -999.9, G[:, 0]).astype(kind)
+    refused("must have no missing values in 'g', got 1 of 60, the first in row 4", netcdf(xarray.Dataset({"g": ("t", values, attributes)}, {"t": T})))
+
+
+@pytest.mark.parametrize("attributes", [{"axis": "X"}, {"axis": "Z", "units": "m"}, {"standard_name": "depth"}, {"positive": "down"}])
+def test_a_coordinate_of_space_is_no_time_whatever_its_name(attributes):
+    for name in ("t", "time", "z"):
+        path = netcdf(xarray.Dataset({"g": (name, G[:, 0])}, {name: (name, T, attributes)}))
+        refused("must have a coordinate of time along", path)
+        if name == "z":
+            refused("must hold samples in time, got 'g' along 'z'", path, 0.05)
+
+
+def test_a_wave_period_is_no_time():
+    waves = {"standard_name": "sea_surface_wave_period", "units": "s"}
+    refused("must have a coordinate of time along", netcdf(xarray.Dataset({"g": ("p", G[:, 0])}, {"p": ("p", T, waves)})))
+
+
+def test_a_temperature_may_be_the_only_variable():
+    is_read(netcdf(xarray.Dataset({"T": ("t", G[:, 0])}, {"t": T})), values=G[:, :1])
+    refused("at least two samples, got 'g' without any", netcdf(xarray.Dataset({"g": ("t", G[:0, 0])}, {"t": T[:0]})))
+
+
 def test_packed_samples_are_unpacked():
     found, dt = samples.read(
         netcdf(xarray.Dataset({"g": ("t", G[:, 0])}, {"t": T}), g={"dtype": "i2", "scale_factor": 1e-4, "add_offset": 0.5, "_FillValue": -32768})
@@ -201,10 +233,12 @@ def test_times_in_single_precision_are_uniform_to_their_digits():
     refused("uniform, rising times", netcdf(xarray.Dataset({"g": ("t", uneven)}, {"t": uneven})))
 
 
-@pytest.mark.parametrize("content", [b"", b"CDF", b"CDF\x01\x00\x00\x00\x05" + bytes(40), b"\x89HDF\r\n\x1a\n" + bytes(90), b"a,b\n1,2\n"])
+@pytest.mark.parametrize(
+    "content", [b"", b"CDF", b"CDF\x01\x00\x00\x00\x05" + bytes(40), b"\x89HDF\r\n\x1a\n" + bytes(90), b"CDF\x05" + bytes(90), b"a,b\n1,2\n"]
+)
 def test_what_is_no_netcdf_is_a_sentence(content):
     Path("a.nc").write_bytes(content)
-    refused("must be a netCDF-3 file|must be named", Path("a.nc"))
+    refused("must be a netCDF-3 file|must hold a variable", Path("a.nc"))
 
 
 def test_a_cut_netcdf_is_a_sentence():
@@ -294,6 +328,53 @@ ODD = {
 }
 
 
+@pytest.mark.parametrize("first", ["1.0,NA", "1.0,", ",1.0", "1.0,\u22121.5", "1.0,2.0x", "1.0,n/a", "--,1.0", "None,<NA>"])
+def test_a_first_row_with_a_gap_is_no_row_of_names(first):
+    """It would be lost without a word where the step is given."""
+    refused(r"must have 2 numbers in every row, .* in row 1", text(f"{first}\n2.0,3.0\n4.0,1.0\n3.0,3.0\n"), 0.05)
+
+
+def test_numbers_that_pandas_gives_to_columns_are_no_sample():
+    frame = pd.DataFrame(G)
+    is_read(text(frame.to_csv()), given=0.05)
+    for content in (frame.to_csv(index=False), frame[[0, 1]].to_csv(index=False), frame[0].to_csv(index=False)):
+        refused("as pandas numbers columns", text(content), 0.05)
+    refused("as pandas numbers columns", text(pd.DataFrame(np.column_stack([T + 0.05, G])).to_csv(index=False)))
+    is_read(text("0,1\n1,0.5\n2,0.25\n"), values=np.array([[1.0], [0.5], [0.25]]), step=1.0)
+
+
+@pytest.mark.parametrize("name", ["T", "T (K)", "t_min", "time_s"])
+def test_samples_under_a_name_of_times_are_not_dropped(name):
+    refused(
+        f"must have rising times in the column {re.escape(repr(name))}",
+        text(FRAME.rename(columns={"a": name}).to_csv(index=False)),
+        0.05,
+    )
+
+
+@pytest.mark.parametrize("name", ["timestamp", "seconds", "elapsed time (s)", "time_utc", "Date", "Clock"])
+@pytest.mark.parametrize("place", [1, 3])
+def test_times_under_another_name_do_not_become_a_path(name, place):
+    frame = FRAME.copy()
+    frame.insert(place, name, 1e3 * T)
+    refused(f"got the column {re.escape(repr(name))} that rises evenly", text(frame.to_csv(index=False)))
+    refused("got the column .* that rises evenly", text(frame.drop(columns="t")[["a", "b", name]].to_csv(index=False)), 0.05)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [FRAME.to_csv(index=False).replace("t,a,b,c", "t,a,b"), FRAME[["a", "b"]].to_csv(index=False).replace("a,b", ",b"), "a\n2,00\n1,95\n1,90\n"],
+    ids=["one too few", "none for the first", "decimal commas between commas"],
+)
+def test_a_column_without_a_name_is_no_index_unless_it_counts(content):
+    refused("must have a name for every column", text(content), 0.05)
+
+
+def test_numbers_beyond_all_bounds_are_a_sentence():
+    refused("must hold finite times, got inf", text("t,a\n-1e308,1\n0,2\n1e308,3\n"))
+    refused("must have 30001 numbers", text("t,a\n" + "0.00," * 30000 + "1\n1,2\n"))
+
+
 @pytest.mark.parametrize("name", ODD)
 def test_odd_text_is_a_sentence(name):
     content, pattern = ODD[name]
@@ -319,6 +400,9 @@ def test_times_of_an_array_are_its_first_column():
     is_read(array(np.column_stack([T, G])))
     is_read(array(G), step=0.1, given=0.1)
     refused("must hold samples alone where the step is given", array(np.column_stack([1e3 * T, G])), 0.05)
+    half = np.column_stack([0.05 * np.arange(20), G[:20, 0]]).astype(np.float16)
+    refused("must hold samples alone where the step is given", array(half), 0.05)
+    refused("at least two samples", array(np.zeros((5, 0))), 0.05)
     refused("first of which counts rows", array(np.column_stack([np.arange(N), T, G])))
     refused("at most two axes", array(G.reshape(N, 3, 1)))
     single = np.column_stack([100.0 + 0.01 * np.arange(N), G[:, 0]]).astype(np.float32)

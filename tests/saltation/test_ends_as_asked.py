@@ -57,6 +57,11 @@ class TestMemory:
         result = flown(made)
         assert result.status == "finished" and float(result.trajectory["time"][-1]) == pytest.approx(1.01 * duration, rel=1e-9)
 
+    @pytest.mark.parametrize("horizon", [5e-324, 1e-9, 1e-3, 0.03])
+    def test_one_shorter_than_a_step_is_said_to_be(self, horizon):
+        result = flown(scene("bouncing", history={"horizon": horizon}))
+        assert result.status == "horizon" and "history.horizon" in result.message
+
     def test_a_longer_run_keeps_what_is_given(self):
         made = saltation.load("sand").changed(history={"horizon": 1e5})
         assert cases.with_jumps(made, 2000).horizon == pytest.approx(1e5 / 220 * 2020, rel=1e-14)
@@ -130,6 +135,13 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("kernel = 'basset'", "scheme = 'exponential'")),
     (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "daitche"}}, ("kernel = 'basset'", "solver.method = 'collocation'")),
     ({"run": {"jumps": None, "discard": 0, "duration": 1e-300}}, ("run.duration", "1e-09")),
+    ({"run": {"jumps": None, "discard": 0, "duration": 1e300}}, ("run.duration", "at most")),
+    ({"run": {"jumps": 10**30}}, ("run.jumps", "1000000000")),
+    ({"run": {"longest_flight": 5e-324}}, ("run.longest_flight", "1e-09")),
+    ({"added_mass": {"coefficient": 1e300}}, ("added_mass.coefficient", "1e+06")),
+    ({"channel": {"von_karman": 5e-324}}, ("channel.von_karman", "0.001")),
+    ({"bed": {"rebound": ["tsuji"]}}, ("bed.rebound", "'tsuji'")),
+    ({"history": {"scheme": ["daitche"]}}, ("history.scheme", "'daitche'")),
     (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
 ])  # fmt: skip
 def test_check_refuses_what_a_run_would(changes, words):
