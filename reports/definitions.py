@@ -106,9 +106,9 @@ def particle() -> Any:
     centre, velocity = np.array([0.4, 1.6]), np.array([6.0, 2.5])
     stream = np.array([profile.velocity_and_shear(float(centre[1]))[0], 0.0])
     ball(axes, centre, ORANGE, "grain")
-    vector(axes, centre, scale * velocity, "u$_p$", BLACK, (6, -8), "u_p")
+    vector(axes, centre, scale * velocity, "u$_p$", BLACK, (-20, 5), "u_p")
     vector(axes, centre, scale * stream, "u$_f$", BLUE, (4, -4), "u_f")
-    vector(axes, centre + scale * stream, scale * (velocity - stream), "u$_r$ = u$_p$ − u$_f$", RED, (-20, 12), "u_r")
+    vector(axes, centre + scale * stream, scale * (velocity - stream), "u$_r$ = u$_p$ − u$_f$", RED, (8, 6), "u_r")
     turned(axes, centre, 1.0, "ω$_y$ > 0", PURPLE)
     corner = np.array([2.1, 1.5])
     vector(axes, corner, (0.6, 0.0), "x", GREY, (3, -3))
@@ -212,13 +212,13 @@ def pair() -> Any:
     moving = (first, second, *found)
     turns = (*spins, found[2][1], found[3][1])
     flat = np.array([normal[0], normal[2]])
-    places = np.array([-0.5 * flat, 0.5 * flat])
+    places, scale = np.array([-0.5 * flat, 0.5 * flat]), 0.6  # d over u*
     for axes, title in zip(panels, ("before", "at contact", "after"), strict=True):
         for k, (name, colour) in enumerate((("i", ORANGE), ("j", BLUE))):
             ball(axes, places[k], colour, f"grain {name}")
             if title != "at contact":
                 own = k + 2 * (title == "after")
-                vector(axes, places[k], np.array(moving[own])[[0, 2]], f"u$_{name}$", BLACK, (3, 3), f"{title} {name}")
+                vector(axes, places[k], scale * np.array(moving[own])[[0, 2]], f"u$_{name}$", BLACK, (3, 3), f"{title} {name}")
                 turned(axes, places[k], turns[own], f"ω$_{name}$ = {turns[own]:.2f}", PURPLE)
         axes.set(xlim=(-1.1, 1.6), ylim=(-1.0, 0.9), title=title)
         scenery(axes, "along the stream", "up" if axes is panels[0] else "")
@@ -226,9 +226,9 @@ def pair() -> Any:
     slip = np.array(first) - second + 0.5 * (spins[0] + spins[1]) * np.cross((0.0, 1.0, 0.0), normal)
     closing = (np.array(second) - first)[[0, 2]]
     vector(axes, (0.0, 0.0), 0.7 * flat, "n", GREEN, (3, 0), "normal")
-    vector(axes, (0.0, 0.0), (slip - slip @ normal * np.array(normal))[[0, 2]], "t", GREEN, (4, -8), "slip")
-    vector(axes, (0.0, 0.0), np.array(found[4])[[0, 2]], "J on i", RED, (-24, -12), "impulse")
-    vector(axes, (1.3, -0.3), closing, "c = u$_j$ − u$_i$", GREY, (6, 0), "closing")
+    vector(axes, (0.0, 0.0), scale * (slip - slip @ normal * np.array(normal))[[0, 2]], "t", GREEN, (4, -8), "slip")
+    vector(axes, (0.0, 0.0), scale * np.array(found[4])[[0, 2]], "J on i", RED, (-24, -12), "impulse")
+    vector(axes, (1.3, -0.4), scale * closing, "c = u$_j$ − u$_i$", GREY, (6, 0), "closing")
     figure.suptitle(f"Two grains meet, e = {E:g}, f = {F:g} (thesis fig. 4-2)")
     return figure
 
