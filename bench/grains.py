@@ -17,6 +17,7 @@ from saltation.flight.cost import form_of
 from saltation.plots import run as plots
 from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
+from saltation.study import grains as many
 from saltation.workers import processes
 
 QUANTITIES = ("height", "length", "velocity")
@@ -192,6 +193,17 @@ def cut_path(time: Floats, x: Floats, z: Floats, level: float) -> dict[str, Any]
     return rounded({"height": float(z.max() - level), "length": float(along[-1]), "x": along, "z": up, "landed": bool(len(below))})
 
 
+def met(result: Result) -> dict[str, Any]:
+    """How often grains met each other and the bed, what that changed, and how far they came across the stream, if paths were kept."""
+    often, slow = result.frequencies(), many.parted_slowly(result).sum() / result.time
+    row: dict[str, Any] = {"pair_frequency": often["pairs"], "bed_frequency": often["bed"], "slow_frequency": float(slow)}
+    row |= {"changes": many.changes(result), "duration": float(result.jumps["duration"].mean())}
+    if result.scene.run.trajectory:
+        lags, members, _ = many.ensemble(result)
+        row |= {"lag": lags, "across": members[:, :, 1]}
+    return row
+
+
 KEPT: dict[str, Callable[[Result], dict[str, Any]]] = {
     "means": means,
     "heights": heights,
@@ -199,4 +211,5 @@ KEPT: dict[str, Callable[[Result], dict[str, Any]]] = {
     "spread": spread,
     "first path": first_path,
     "second path": second_path,
+    "met": met,
 }

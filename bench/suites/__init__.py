@@ -5,9 +5,10 @@ Unless in full it takes seconds, a minute at most with what it has to compile. `
 
 TOO_LONG = {
     "advice": "thousands of timed rivals",
+    "chapter4": "a hundred and more clouds",
     "choosing": "32 sets of effects to compile",
     "flights": "a dozen forms of flight to compile",
-    "grains": "clouds of ten thousand grains, and a campaign",
+    "grains": "clouds of ten thousand grains",
     "peers": "other packages",
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",

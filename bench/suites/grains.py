@@ -1,27 +1,20 @@
-"""What does a grain among many cost, and what do encounters change?"""
+"""What does a grain among many cost?"""
 
 from __future__ import annotations
 
 import math
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-import saltation
 from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation.flight import layout
 from saltation.flight.cloud import Cloud, starts
 from saltation.flight.collisions import UNTIL, Samples
 from saltation.flight.setup import Engine, Grain, Start, empty_record
-from saltation.results.result import Result
 from saltation.scene import read, scene_of, shipped
-from saltation.study import campaigns, grains, thesis
-from saltation.workers import cores
 
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
@@ -35,9 +28,6 @@ FORMS: dict[str, tuple[str, ...]] = {
     "no encounters, history": ("encounters",),
     "no encounters, no history": ("encounters", "history"),
 }
-
-SHOWN = 40.0  # d/u*: a short run whose pictures are drawn
-SPREAD = "C2.33_R73_T2"  # the run of figs 4-17 and 4-18
 
 Content = dict[str, Any]
 
@@ -145,66 +135,7 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
     return {"number": number, "ratio": best["cloud"] / best["one by one"], "same": bool(np.array_equal(*done)), "jumps": len(done[0])}
 
 
-def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of a table, NumPy's numbers made Python's own."""
-    return [rounded({key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}) for row in table.to_dict("records")]
-
-
-def study() -> dict[str, Any]:
-    """The 24 runs of Table 4-1 as anyone would run them, and all that is asked of them."""
-    with tempfile.TemporaryDirectory() as folder:
-        begin = time.perf_counter()
-        table = campaigns.campaign(thesis.grains(), results=folder)
-        seconds = time.perf_counter() - begin
-
-        def opened(name: str) -> Result:
-            result: Result = saltation.open(Path(folder) / f"{name}.nc")
-            return result
-
-        found = {name: records(frame) for name, frame in grains.analyses(table, opened).items()}
-        found |= {"runs": records(table), "slow": records(slow(table, opened)), "moments": [moments(opened, meeting) for meeting in (True, False)]}
-    return {"seconds": seconds, "workers": cores(), **found, "clipped": [clipped(scatter) for scatter in (False, True)]}
-
-
-def clipped(scatter: bool) -> dict[str, Any]:
-    """How often the grains of the shipped cloud meet when contact angles are clipped at 30°, with and without scatter across by the bed."""
-    content = changed(read(shipped()["sand_cloud"]), bed={"roughness": "R7", "reading": "clip", "span_scatter": scatter}, run={"trajectory": False})
-    return {"scatter": scatter, **saltation.run(scene_of(content)).frequencies()}
-
-
-def slow(table: pd.DataFrame, opened: Any) -> pd.DataFrame:
-    """Encounters per d/u* in which grains parted with the slowest speed, and steps that were not resolved."""
-    rows = []
-    for name in table.loc[table["encounters"], "name"]:
-        result = opened(name)
-        e = result.scene.options("encounters").restitution
-        rows.append((name, float((result.encounters["restitution"] > e).sum() / result.time), result.provenance["unresolved_steps"]))
-    return pd.DataFrame(rows, columns=["name", "slow", "unresolved"])
-
-
-def moments(opened: Any, meeting: bool) -> dict[str, Any]:
-    """Second moments from the first release and from all, of the run of figs 4-17 and 4-18."""
-    result = opened(f"{SPREAD}_{'with' if meeting else 'without'}")
-    row: dict[str, Any] = {"encounters": meeting, "duration": float(result.jumps["duration"].mean())}
-    for name in ("first", "all"):
-        lags, members, _ = grains.ensemble(result, name == "all")
-        row[name] = {"lag": rounded(lags), **{axis: rounded(members[:, :, k].var(axis=0)) for k, axis in enumerate("xy")}}
-    return row
-
-
-def shown() -> dict[str, Any]:
-    """A short run of the shipped cloud, whole: for pictures."""
-    content = changed(read(shipped()["sand_cloud"]), run={"discard": 5})
-    content["run"]["duration"] = SHOWN * scene_of(content).numbers.time
-    result = saltation.run(scene_of(content))
-    path = result.trajectory
-    tables = {"jumps": result.all_jumps, "encounters": result.encounters}
-    kept = {name: {column: rounded(values.to_numpy(), 7) for column, values in frame.items()} for name, frame in tables.items()}
-    axes = {name: [rounded(row, 7) for row in path[name].to_numpy()] for name in path.data_vars}
-    return {"scene": content, **kept, "time": rounded(path["time"].to_numpy(), 9), "path": axes, "provenance": result.provenance, "end": result.time}
-
-
 def run(full: bool) -> dict[str, Any]:
     """Measure."""
     rounds = 5 if full else 3
-    return {"rounds": rounds, "scaling": scaling(full, rounds), "independent": rounded(independent(rounds)), "study": study(), "shown": shown()}
+    return {"rounds": rounds, "scaling": scaling(full, rounds), "independent": rounded(independent(rounds))}

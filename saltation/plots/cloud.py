@@ -23,15 +23,14 @@ from saltation import statistics
 from saltation.plots import run as plots
 from saltation.plots.highlights import Group, busiest, contact_points, encounters_of, group_of, jump_time, members, settled, undisturbed_pair, within
 from saltation.plots.run import SPREAD, draw_moments, styled
-from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, columns, image, track
+from saltation.plots.tracks import BED, KEPT, MET, SPEEDS, Track, image, track
 from saltation.results.result import Result
-from saltation.study.grains import RANGES
+from saltation.study.grains import RANGES, changes
 
 __all__ = ["encounters", "grain_history", "pair", "plan", "profiles", "second_moments", "snapshots", "three_dimensional"]
 
 GRAINS = (BLUE, ORANGE, GREEN, PINK, SKY, BLACK)
 SPAN = 4.0  # mean durations of a jump that a picture in space shows
-PLANES = {"x–z": (0, 2), "x–y": (0, 1), "y–z": (1, 2)}
 EDGE = "#444444"
 
 
@@ -354,39 +353,28 @@ def labelled(axes: Any, x: float, y: float, text: str, colour: str, side: int) -
     axes.annotate(text, (x, y), xytext=(10 * side, 0), textcoords="offset points", ha="left" if side > 0 else "right", va="center", color=colour, fontsize=9)
 
 
-def changes(met: pd.DataFrame) -> pd.DataFrame:
-    """What an encounter changes, both grains of each: sizes of the changes of direction (degrees) in three planes, velocity (u*), spin (u*/d).
-
-    Columns angle_x–z, angle_x–y, angle_y–z, u, v, w, spin_x, spin_y, spin_z; two rows per encounter. The size, as in thesis figs 4-13 to
-    4-15: with their signs the changes of both grains' velocities sum to zero.
-    """
-    parts = []
-    for who in ("first", "second"):
-        before, after = (columns(met, tuple(f"{who}_{name}{end}" for name in SPEEDS)) for end in ("", "_after"))
-        spins = [columns(met, tuple(f"{who}_spin_{name}{end}" for name in "xyz")) for end in ("", "_after")]
-        found = {}
-        for plane, (i, j) in PLANES.items():
-            turn = np.degrees(np.arctan2(after[:, j], after[:, i]) - np.arctan2(before[:, j], before[:, i]))
-            found[f"angle_{plane}"] = np.abs((turn + 180.0) % 360.0 - 180.0)
-        found |= {name: np.abs(after[:, k] - before[:, k]) for k, name in enumerate(SPEEDS)}
-        found |= {f"spin_{name}": np.abs(spins[1][:, k] - spins[0][:, k]) for k, name in enumerate("xyz")}
-        parts.append(pd.DataFrame(found))
-    return pd.concat(parts, ignore_index=True)
-
-
 @styled
 def encounters(result: Result) -> Figure:
-    """Distributions of what an encounter changes: direction, velocity and spin; thesis figs 4-13 to 4-15."""
-    found = changes(encounters_of(result, "encounters"))
+    """Distributions of what an encounter changes, by size: direction, velocity and spin; thesis figs 4-13 to 4-15. Slow ones are left out.
+
+    With their signs the changes of both grains' velocities sum to zero.
+    """
+    encounters_of(result, "encounters")
+    found = changes(result).drop(columns="grain").abs()
+    if found.empty:
+        raise ValueError("encounters needs grains that part faster than encounters.slowest: none of the run do")
+    slow = len(result.encounters) - len(found) // 2
+    left_out = f" ({slow} slow ones left out)" if slow else ""
     unit = result.scene.numbers.unit("u*")
     figure = Figure(figsize=(10.0, 7.6))
     panels = figure.subplots(3, 3)
     names = {"u": f"along |Δu| ({unit})", "v": f"across |Δv| ({unit})", "w": f"up |Δw| ({unit})"}
-    names |= {f"angle_{plane}": f"|Δ angle| in the {plane} plane (degrees)" for plane in PLANES} | {f"spin_{c}": f"|Δω_{c}| ({unit}/d)" for c in "xyz"}
-    rows = ("angle_x–z", "angle_x–y", "angle_y–z", "u", "v", "w", "spin_x", "spin_y", "spin_z")
+    names |= {f"angle_{plane}": f"|Δ angle| in the {'–'.join(plane)} plane (degrees)" for plane in ("xz", "xy", "yz")}
+    names |= {f"spin_{c}": f"|Δω_{c}| ({unit}/d)" for c in "xyz"}
+    rows = list(found)
     for k, (axes, name) in enumerate(zip(panels.ravel(), rows, strict=True)):
         values = found[name].to_numpy()
-        alike = [name] if k < 3 else list(rows[k - k % 3 : k - k % 3 + 3])
+        alike = [name] if k < 3 else rows[k - k % 3 : k - k % 3 + 3]
         top = max(1e-9, float(np.quantile(found[alike].max(axis=1), 0.99)))
         axes.set_axisbelow(True)
         axes.hist(values, bins=np.linspace(0.0, top, 26), color=(BLUE, GREEN, PINK)[k // 3], alpha=0.7, weights=np.full(len(values), 100.0 / len(values)))
@@ -397,8 +385,8 @@ def encounters(result: Result) -> Figure:
             axes.set_ylabel("share of the grains\nthat meet (%)")
     means = found.mean()
     figure.suptitle(
-        f"{len(result.encounters)} encounters change a velocity on average by {means['u']:.2g}, {means['v']:.2g} and {means['w']:.2g} {unit} "
-        f"along, across and up,\nand turn a grain by {means['angle_x–y']:.0f}° in plan (sizes of the changes, up to their 99th percentile)"
+        f"{len(found) // 2} encounters{left_out} change a velocity on average by {means['u']:.2g}, {means['v']:.2g} and {means['w']:.2g} {unit} "
+        f"along, across and up,\nand turn a grain by {means['angle_xy']:.0f}° in plan (sizes of the changes, up to their 99th percentile)"
     )
     return figure
 

@@ -11,7 +11,7 @@ import math
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,8 +27,9 @@ from saltation.scene import Scene, SceneError
 from saltation.simulation import run
 from saltation.study import cases
 from saltation.study.cases import VARIABLES, Progress, compare, fly, fly_to_error, jumps_flown, require_bed, with_listed_effects, without
+from saltation.study.checks import settling_velocity
 
-__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "typical"]
+__all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "thresholds", "typical"]
 
 MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
 TIMED = 100  # jumps of a timed run
@@ -110,7 +111,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
         change = 2.0 * jump.rise
         share = numbers.history * change * 2.0 / math.sqrt(jump.duration) / (numbers.alpha * weight)
         text = f"c = {numbers.history:.3g} (9α/√(π Re*), Re* = {numbers.reynolds:.3g})"
-        return share, f"{text}: the rebound's slip jump of {change:.2g} V over {jump.duration:.2g} d/V"
+        return share, f"{text}: the rebound's slip jump of {change:.2g} V over {jump.duration:.2g} d/V{_told(thresholds(scene))}"
     if name == "added_mass":
         share = options.coefficient / (numbers.density_ratio + options.coefficient)
         return share, f"C_m/(ρ_s/ρ + C_m) with ρ_s/ρ = {numbers.density_ratio:.3g}: share of the inertia"
@@ -133,6 +134,44 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
     forces = np.array([built.force(s) for s in situations])
     share = float(np.sqrt((forces**2).sum(axis=1).mean())) / weight
     return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
+
+
+class Threshold(NamedTuple):
+    """Up to where a source takes the history force to matter."""
+
+    source: str
+    symbol: str
+    value: float  # of the scene
+    bound: float
+
+    @property
+    def calls(self) -> bool:
+        """Whether the scene lies within."""
+        return self.value <= self.bound
+
+
+def thresholds(scene: Scene) -> list[Threshold]:
+    """Where three sources draw the line for the history force (thesis section 2.2): in R_p, and in Reynolds numbers of the settling velocity w_s.
+
+    Armenio and Fiorotto find it important for w_s a/ν (a: radius) of order 1 or less. None for a grain that does not settle.
+    """
+    speed = settling_velocity(scene)
+    if speed is None:
+        return []
+    settling = speed * scene.grain.diameter / scene.fluid.viscosity
+    return [
+        Threshold("Niño & García 1994", "R_p", scene.numbers.particle_reynolds, 100.0),
+        Threshold("Mordant & Pinton 2000", "w_s d/ν", settling, 4000.0),
+        Threshold("Armenio & Fiorotto 2001", "w_s a/ν", 0.5 * settling, 1.0),
+    ]
+
+
+def _told(found: list[Threshold]) -> str:
+    """The thresholds in half a sentence."""
+    if not found:
+        return ""
+    parts = [f"{own.symbol} = {own.value:.3g} {'≤' if own.calls else '>'} {own.bound:g} ({own.source})" for own in found]
+    return f"; {sum(own.calls for own in found)} of {len(found)} published thresholds call for it: {', '.join(parts)}"
 
 
 def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import mannwhitneyu
+from scipy.stats import mannwhitneyu, t
 
 from basset.kernels import Floats
 from saltation import statistics
 from saltation.results.result import Result
 
-__all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "table_4_2"]
+__all__ = ["analyses", "changes", "compare", "convergence", "ensemble", "exponents", "first_means", "over_seeds", "shares_across", "table_4_2"]
 
 RUN = ["concentration", "particle_reynolds", "stage"]  # labels of a run, besides whether grains meet
 PRINTED = {  # Table 4-2 at R_p = 73, by C_p and T: F_pp, F_pb, R_pb/pp
@@ -37,7 +37,9 @@ EXPONENTS = {  # figs 4-17 and 4-18 at C_p 2.33 %, R_p 73, T 2: γ of the three 
 }
 LAGS = 60
 RELEASES = 5.0  # mean durations between two releases of a grain
-COUNTS = (50, 100, 150, 200, 517)  # fig. 4-3: jumps that a mean is made from; 50 beside the thesis's
+COUNTS = (50, 100, 150, 200)  # jumps that a mean is made from; 50 beside the thesis's
+FIRST = (100, 150, 200, 517)  # fig. 4-3: of one grain
+LEFT_OUT = 10  # of them, at the beginning
 
 
 # How often
@@ -51,6 +53,34 @@ def table_4_2(table: pd.DataFrame) -> pd.DataFrame:
     rows = table.loc[table["encounters"], [*RUN, "pair_frequency", "bed_frequency"]].reset_index(drop=True)
     with np.errstate(divide="ignore"):
         rows["ratio"] = rows["bed_frequency"].to_numpy() / rows["pair_frequency"].to_numpy()
+    return beside_printed(rows)
+
+
+def over_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """Table 4-2 from runs that differ by their seed alone: means, and half-widths of their 95 % intervals (Student's t, `_interval`).
+
+    `table` as for `table_4_2`, with as many rows of a C_p, R_p, T (and scatter, where it is a label) as seeds; every column that ends in "_frequency"
+    is averaged, u*/d. The ratio is that of the means, its interval by the delta method; a single seed has no interval.
+    """
+    table = table[table["encounters"]]
+    names = [name for name in table if name.endswith("_frequency")]
+    labels = [*RUN, *(["scatter"] if "scatter" in table else [])]
+    rows = []
+    for label, runs in table.groupby(labels, sort=False):
+        count = len(runs)
+        width = t.ppf(0.975, count - 1) / math.sqrt(count) if count > 1 else math.nan
+        row: dict[str, Any] = {**dict(zip(labels, label, strict=True)), "seeds": count}
+        for name in names:
+            row |= {name: runs[name].mean(), f"{name}_interval": width * runs[name].std()}
+        pairs, bed = row["pair_frequency"], row["bed_frequency"]
+        ratio = bed / pairs if pairs else math.inf
+        rest = (runs["bed_frequency"] - ratio * runs["pair_frequency"]).std() if pairs else math.nan
+        rows.append(row | {"ratio": ratio, "ratio_interval": width * rest / pairs if pairs else math.nan})
+    return beside_printed(pd.DataFrame(rows))
+
+
+def beside_printed(rows: pd.DataFrame) -> pd.DataFrame:
+    """With columns of what Table 4-2 prints."""
     at_73 = np.isclose(rows["particle_reynolds"], 73.0)
     keys = zip(rows["concentration"], rows["stage"].round(6), at_73, strict=True)
     printed = [PRINTED.get((concentration, stage), (math.nan,) * 3) if known else (math.nan,) * 3 for concentration, stage, known in keys]
@@ -110,12 +140,18 @@ def two_sided(difference: float, error: float) -> float:
     return 1.0 if difference == 0.0 else math.erfc(abs(difference) / error / math.sqrt(2.0)) if error != 0.0 else 0.0
 
 
-def changes(result: Result) -> pd.DataFrame:
+def parted_slowly(result: Result) -> pd.Series:
+    """Of each encounter, whether grains parted with `encounters.slowest`, because e left them less: they are pressed together, and meet again at once."""
+    return result.encounters["restitution"] > result.scene.options("encounters").restitution * (1.0 + 1e-12)
+
+
+def changes(result: Result, slow: bool = False) -> pd.DataFrame:
     """What each encounter changes, after minus before, of both grains, two rows per encounter: thesis figs 4-13 to 4-15.
 
-    angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spins in u*/d.
+    angle_xz (of the velocity to the bed), angle_xy (its deviation in plan), angle_yz, in degree from −180 to 180; u, v, w in u*; spins in u*/d. Encounters
+    in which grains parted with `encounters.slowest` come in series of ever smaller changes: they are left out unless `slow`.
     """
-    met = result.encounters
+    met = result.encounters if slow else result.encounters[~parted_slowly(result)]
     parts = []
     for side in ("first", "second"):
         own = {"grain": met[side]}
@@ -129,13 +165,13 @@ def changes(result: Result) -> pd.DataFrame:
 
 
 def distribution(changed: pd.DataFrame) -> pd.DataFrame:
-    """How changes are distributed: mean, sd, mean_size (of the absolute value), median_size and count, one row per quantity."""
+    """How changes are distributed: mean, sd, mean_size and sd_size (of the absolute value), median_size and count, one row per quantity."""
     rows = []
     for name in [column for column in changed if column != "grain"]:
         values = changed[name]
         size = values.abs()
-        rows.append((name, values.mean(), values.std(), size.mean(), size.median(), len(values)))
-    return pd.DataFrame(rows, columns=["quantity", "mean", "sd", "mean_size", "median_size", "count"])
+        rows.append((name, values.mean(), values.std(), size.mean(), size.std(), size.median(), len(values)))
+    return pd.DataFrame(rows, columns=["quantity", "mean", "sd", "mean_size", "sd_size", "median_size", "count"])
 
 
 # How they spread
@@ -191,11 +227,52 @@ def exponents(result: Result, seed: int = 0, resamples: int = 400) -> pd.DataFra
     return pd.DataFrame(rows, columns=["ensemble", "axis", "range", "low", "high", "gamma", "lower", "upper"])
 
 
+def shares_across(members: Mapping[tuple[bool, bool], Floats], seed: int = 0, resamples: int = 400) -> pd.DataFrame:
+    """Shares of bed and encounters in the spreading across the stream, ⟨Y'²⟩, at each lag.
+
+    `members`: displacements across (grains, lags), d, of four ensembles, by (whether the bed scatters across, whether grains meet). What a source adds is taken
+    as the mean of what it adds alone and beside the other (Shapley 1953), so that the shares add to one. One row per lag: bed, encounters,
+    lower and upper (95 % interval of the bed's share; grains are drawn). Thesis, section 4.3.2, after fig. 4-18.
+    """
+    four = [(bed, meeting) for bed in (False, True) for meeting in (False, True)]
+    missing = [key for key in four if key not in members]
+    if missing:
+        raise ValueError(f"members must hold runs with and without each of bed and encounters, got none for (bed, encounters) = {missing[0]}")
+
+    def share(moments: Sequence[Floats]) -> Floats:
+        neither, encounters, bed, both = moments
+        if not (both > neither).all():
+            raise ValueError("members must spread further with bed and encounters than without: there is nothing to share")
+        found: Floats = 0.5 * ((bed - neither) + (both - encounters)) / (both - neither)
+        return found
+
+    rng = np.random.default_rng(seed)
+    own = share([members[key].var(axis=0) for key in four])
+    drawn = [share([x[rng.integers(len(x), size=len(x))].var(axis=0) for x in map(members.__getitem__, four)]) for _ in range(resamples)]
+    lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0)
+    return pd.DataFrame({"bed": own, "encounters": 1.0 - own, "lower": lower, "upper": upper})
+
+
 # How many jumps a mean needs
 
 
+def first_means(jumps: pd.DataFrame, counts: Sequence[int] = FIRST, drop: int = LEFT_OUT) -> pd.DataFrame:
+    """Means of height and length, d, over the first n jumps of one grain without the first `drop` of them: thesis fig. 4-3.
+
+    One row per n that the grain reaches; `_sd` is that of single jumps, `_se` the standard error of the mean (blocks of successive jumps).
+    """
+    rows = []
+    for count in [count for count in counts if drop + 1 < count <= len(jumps)]:
+        row: dict[str, Any] = {"jumps": count}
+        for name in ("height", "length"):
+            values = jumps[name].to_numpy()[drop:count]
+            row |= {name: values.mean(), f"{name}_sd": values.std(ddof=1), f"{name}_se": statistics.standard_error(values)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
 def convergence(result: Result, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
-    """Means of height and length, d, over the first n jumps that count of each grain: thesis fig. 4-3, with many grains instead of one.
+    """Means of height and length, d, over the first n jumps that count of each grain: `first_means` with many grains instead of one.
 
     `_sd` is that of single jumps, `_scatter` the standard deviation over grains of their means of n jumps: what such a mean is uncertain by.
     """
@@ -217,7 +294,8 @@ def convergence(result: Result, counts: Sequence[int] = COUNTS) -> pd.DataFrame:
 def analyses(table: pd.DataFrame, opened: Callable[[str], Result]) -> dict[str, pd.DataFrame]:
     """All tables of the 24 runs of Table 4-1, or of others with such labels; `opened` gives the result of a run by its label `name`.
 
-    table_4_2; comparison, of each run with and without encounters; changes, per run with encounters; exponents; convergence: each with the labels of the runs.
+    table_4_2; comparison, of each run with and without encounters; changes, per run with encounters (slow: how many were left out);
+    exponents; convergence: each with the labels of the runs.
     """
     found: dict[str, list[pd.DataFrame]] = {"comparison": [], "changes": [], "exponents": [], "convergence": []}
     for run, both in table.groupby(RUN, sort=False):
@@ -226,7 +304,7 @@ def analyses(table: pd.DataFrame, opened: Callable[[str], Result]) -> dict[str, 
         if len(results) == 2:
             found["comparison"].append(compare(results[True], results[False]).assign(**labels))
         if True in results:
-            found["changes"].append(distribution(changes(results[True])).assign(**labels))
+            found["changes"].append(distribution(changes(results[True])).assign(**labels, slow=int(parted_slowly(results[True]).sum())))
         for meeting, result in results.items():
             found["convergence"].append(convergence(result).assign(**labels, encounters=meeting))
             with contextlib.suppress(ValueError):  # too short to have any

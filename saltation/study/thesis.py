@@ -14,7 +14,7 @@ from saltation import regressions, statistics
 from saltation.grain import GRAVITY
 from saltation.scene import Scene, read, scene_of, shipped
 
-__all__ = ["diameter_of", "grains", "judge", "thesis"]
+__all__ = ["diameter_of", "grains", "judge", "single_grain", "thesis"]
 
 RUNS = {"A": "R1", "B": "R2", "C": "R3", "D": "R4", "E": "R5", "F": "R6", "G": "R7", "H": "R8"}  # Table 3-4: the roughness of each Run
 SETS: dict[int, tuple[float | str, float]] = {1: ("set1", 0.89), 2: (0.65, 0.1), 3: (0.8, 0.4), 4: (0.95, 0.3)}  # Table 3-3: e and f
@@ -59,12 +59,13 @@ STAGES_OF_GRAINS = (2.0, 2.5, 3.0)
 LASTING = 500.0  # d/u*
 
 
-def grains() -> list[tuple[dict[str, Any], Scene]]:
-    """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each.
+def grains(seeds: Sequence[int] = (1,), scatter: bool = False) -> list[tuple[dict[str, Any], Scene]]:
+    """The 24 runs of the thesis's Table 4-1: C_p × R_p × T, with and without encounters, 500 d/u* each, for every seed.
 
-    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. All have one seed: they set out from the same places and
-    meet the same random numbers at the same impact of the same grain, in units of their box.
-    Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool).
+    The bed of the shipped scene does not scatter across the stream, so that encounters alone do. With `scatter` it has the planes of R7, tilted by up to 30°
+    to either side. (Those of the contact relation (4-6) follow the grain's own direction: they turn what moves across, and set nothing moving.)
+    Runs of one seed set out from the same places and meet the same random numbers at the same impact of the same grain, in units of their box.
+    Labels: name, concentration (C_p), particle_reynolds, stage (T), encounters (bool), seed, scatter.
 
     >>> len(grains())
     24
@@ -75,6 +76,7 @@ def grains() -> list[tuple[dict[str, Any], Scene]]:
             base = read(shipped()["sand_cloud"])
             base["grain"]["diameter"] = diameter_of(reynolds, scene_of(base))
             base["cloud"] |= {"number": number, "concentration": concentration}
+            base["bed"] |= {"roughness": "R7", "span_scatter": True} if scatter else {}
             for stage in STAGES_OF_GRAINS:
                 base["channel"]["transport_stage"] = stage
                 base["run"]["duration"] = LASTING * scene_of(base).numbers.time
@@ -82,9 +84,23 @@ def grains() -> list[tuple[dict[str, Any], Scene]]:
                     content = {key: value for key, value in base.items() if meeting or key != "encounters"}
                     content["effects"] = [name for name in base["effects"] if meeting or name != "encounters"]
                     labels = {"concentration": concentration, "particle_reynolds": reynolds, "stage": stage, "encounters": meeting}
-                    name = f"C{100.0 * concentration:g}_R{reynolds:g}_T{stage:g}_{'with' if meeting else 'without'}"
-                    result.append(({"name": name} | labels, scene_of(content)))
+                    name = f"C{100.0 * concentration:g}_R{reynolds:g}_T{stage:g}_{'with' if meeting else 'without'}{'_scatter' if scatter else ''}"
+                    for seed in seeds:
+                        own = {"name": name + (f"_S{seed}" if len(seeds) > 1 else "")} | labels | {"seed": seed, "scatter": scatter}
+                        result.append((own, scene_of(content | {"run": base["run"] | {"seed": seed}})))
     return result
+
+
+def single_grain(particle_reynolds: float, stage: float, jumps: int = 517, discard: int = 0) -> Scene:
+    """One grain on the bed of chapter 4, with (4-6) along and across: thesis figs 4-3 to 4-5."""
+    base = read(shipped()["sand_cloud"])
+    del base["cloud"], base["encounters"]
+    base["effects"].remove("encounters")
+    base["grain"]["diameter"] = diameter_of(particle_reynolds, scene_of(base))
+    base["channel"]["transport_stage"] = stage
+    base["bed"]["span_scatter"] = True
+    base["run"] = {"jumps": jumps, "discard": discard, "seed": base["run"]["seed"]}
+    return scene_of(base)
 
 
 def diameter_of(particle_reynolds: float, scene: Scene) -> float:

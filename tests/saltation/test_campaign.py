@@ -467,7 +467,7 @@ def test_table_4_1_has_24_runs():
     found = study.grains()
     labels = pd.DataFrame([labels for labels, _ in found])
     assert len({key_of(scene) for _, scene in found}) == labels["name"].nunique() == 24
-    assert labels.drop(columns="name").drop_duplicates().shape == (24, 4)
+    assert labels.drop(columns="name").drop_duplicates().shape == (24, 6)
     assert [sorted(labels[name].unique()) for name in ("concentration", "particle_reynolds", "stage")] == [[0.0013, 0.0233], [73.0, 250.0], [2.0, 2.5, 3.0]]
     for given, scene in found:
         assert scene.numbers.particle_reynolds == pytest.approx(given["particle_reynolds"], rel=1e-14)
@@ -476,6 +476,15 @@ def test_table_4_1_has_24_runs():
         assert np.prod(scene.box) * given["concentration"] == pytest.approx(scene.cloud.number * np.pi / 6.0)
         assert (scene.bed.restitution, scene.bed.friction, scene.bed.span_scatter, scene.run.seed) == (0.65, 0.1, False, 1)
         assert ("encounters" in scene.names) == given["encounters"]
+
+
+def test_table_4_1_from_eight_seeds_on_a_bed_that_scatters():
+    once, found = study.grains(), study.grains(range(1, 9), scatter=True)
+    labels = pd.DataFrame([labels for labels, _ in found])
+    assert len({key_of(scene) for _, scene in found}) == labels["name"].nunique() == 192
+    assert not {key_of(scene) for _, scene in once} & {key_of(scene) for _, scene in found}
+    assert [scene.run.seed for _, scene in found] == labels["seed"].tolist() == list(range(1, 9)) * 24
+    assert all((scene.bed.roughness, scene.bed.reading, scene.bed.span_scatter) == ("R7", "literal", True) for _, scene in found)
 
 
 def test_the_command_runs_table_4_1_compares_and_goes_on(tmp_path, monkeypatch):

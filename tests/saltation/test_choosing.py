@@ -15,6 +15,7 @@ import saltation
 from saltation import cli, front
 from saltation._keys import key_of, text_of
 from saltation.effects import EFFECTS
+from saltation.effects.drag import LAWS
 from saltation.plots import choices as advice_plots
 from saltation.results.files import RUN_FIELDS, run_json_of
 from saltation.results.folder import begun
@@ -55,6 +56,28 @@ class TestAdvise:
         assert told["sand"]["history"].verdict == told["sand"]["magnus"].verdict == "keep"
         assert told["gravel"]["history"].verdict != "keep"
         assert told["sand"]["weight"].verdict == told["gravel"]["weight"].verdict == "needed"
+
+    @pytest.mark.parametrize(
+        ("name", "values", "calls"),
+        [
+            ("sand", (72.92, 79.88, 39.94), (True, True, False)),
+            ("sand_coarse", (250.3, 353.9, 177.0), (False, True, False)),
+            ("gravel", (20905.0, 37098.0, 18549.0), (False, False, False)),
+        ],
+    )
+    def test_published_thresholds_of_the_history_force(self, name, values, calls):
+        """R_p, w_s d/ν and w_s a/ν, by hand: drag balances weight at that w_s, C_D Re² = 4R_p²/3."""
+        scene = saltation.load(name)
+        found = advice.thresholds(scene)
+        assert [row.value for row in found] == pytest.approx(values, rel=1e-3)
+        assert tuple(row.calls for row in found) == calls
+        reynolds = found[1].value
+        assert LAWS["yen"].factor(reynolds) * 24.0 * reynolds == pytest.approx(4.0 / 3.0 * found[0].value ** 2, rel=1e-9)
+        told = next(row.reason for row in advice.advise(scene) if row.effect == "history")
+        assert f"{sum(calls)} of 3 published thresholds call for it" in told
+
+    def test_what_does_not_settle_has_no_thresholds(self):
+        assert advice.thresholds(plain(effects=["weight"])) == []
 
     def test_history_grows_as_the_root_of_the_viscosity(self):
         """In still water the typical jump does not depend on it."""

@@ -12,7 +12,6 @@ from PIL import Image
 from basset._look import RED
 from saltation import cli, statistics
 from saltation.flight import layout
-from saltation.plots import cloud as cloud_plots
 from saltation.plots import film as animation
 from saltation.plots import highlights
 from saltation.plots.cloud import CLOUD_PLOTS
@@ -20,6 +19,7 @@ from saltation.plots.tracks import BED, MET, image, meeting_places, track
 from saltation.results.result import Result
 from saltation.results.tables import UNITS, path_dataset, tables_to_dataset
 from saltation.scene import read, scene_of
+from saltation.study import grains
 
 END, STEP, PERIOD, RISE, LOW, SPEED = 20.0, 0.1, 2.0, 1.2, 0.6, 6.0
 MOMENTS = (5.33, 11.13)  # of the encounters of grains 0 and 1, 2 and 3
@@ -204,25 +204,17 @@ def test_profiles_are_those_of_the_result(result):
     assert velocity == pytest.approx(result.scene.profile.velocity_and_shear(height)[0])
 
 
-def test_changes_per_encounter(result):
-    found = cloud_plots.changes(result.encounters)
-    assert len(found) == 4
-    assert found["u"].to_numpy() == pytest.approx([0.825 * 0.8, 0.825 * 0.6] * 2)
-    assert found["v"].to_numpy() == pytest.approx([0.825 * 0.6, 0.825 * 0.8] * 2)
-    assert found["spin_y"].to_numpy() == pytest.approx(0.25)
-    turn = np.degrees(np.arctan2(0.3, 6.4) + np.arctan2(0.325 * 0.6, 6.0 - 0.325 * 0.8))
-    assert found["angle_x–y"].iloc[0] == pytest.approx(turn)
-    panels = CLOUD_PLOTS["encounters"](result).axes
+def test_the_sizes_of_what_encounters_change(result):
+    """Two encounters, whose grains change alike."""
+    panels = {axes.get_xlabel(): axes for axes in CLOUD_PLOTS["encounters"](result).axes}
     assert len(panels) == 9
-    assert sum(bar.get_height() for bar in panels[7].patches) == pytest.approx(100.0)
-
-
-def test_a_turn_is_the_shorter_way_round():
-    """From 170° to −170° is 20°."""
-    values = dict.fromkeys(layout.ENCOUNTER_COLUMNS, 0.0)
-    angle = np.radians(10.0)
-    values |= {"first_u": -np.cos(angle), "first_v": np.sin(angle), "first_u_after": -np.cos(angle), "first_v_after": -np.sin(angle)}
-    assert cloud_plots.changes(pd.DataFrame([values]))["angle_x–y"].iloc[0] == pytest.approx(20.0)
+    turn = np.degrees(np.arctan2(0.3, 6.4) + np.arctan2(0.325 * 0.6, 6.0 - 0.325 * 0.8))
+    turns = [turn, np.degrees(np.arctan2(0.4, 6.3) + np.arctan2(0.325 * 0.8, 6.0 - 0.325 * 0.6))]
+    for label, mean in (("along |Δu| (u*)", 0.825 * 0.7), ("across |Δv| (u*)", 0.825 * 0.7), ("|Δω_y| (u*/d)", 0.25)):
+        assert panels[label].lines[0].get_xdata()[0] == pytest.approx(mean)
+        assert sum(bar.get_height() for bar in panels[label].patches) == pytest.approx(100.0)
+    first = grains.changes(result)["angle_xy"].abs()
+    assert first.iloc[[0, 2]].tolist() == pytest.approx(turns)
 
 
 def test_second_moments_are_those_of_statistics(result):

@@ -11,7 +11,7 @@ from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
 from saltation.results.result import Result
 from saltation.results.tables import encounter_table, path_dataset
 from saltation.scene import read, scene_of
-from saltation.study import grains
+from saltation.study import grains, thesis
 
 LABELS = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0}
 
@@ -72,6 +72,37 @@ def test_the_printed_ratios_are_those_of_the_printed_frequencies():
     """To the digits that are printed: F_pp has two or three."""
     for pairs, bed, ratio in grains.PRINTED.values():
         assert bed / (pairs + 0.005) - 0.05 <= ratio <= bed / (pairs - 0.005) + 0.05
+
+
+def seeds(pairs, bed, **labels):
+    """Rows of a campaign that differ by their seed."""
+    return pd.DataFrame({"pair_frequency": pairs, "bed_frequency": bed, "encounters": True}).assign(**(LABELS | labels))
+
+
+def test_intervals_over_seeds_are_those_of_student():
+    """Eight values of standard deviation 1: t(0.975, 7) = 2.3646 over √8."""
+    values = np.array([-1.0, 1.0] * 4) * math.sqrt(7.0 / 8.0)
+    found = grains.over_seeds(pd.concat([seeds(5.0 + values, 30.0), seeds(7.0, 21.0 + values, stage=3.0)])).set_index("stage")
+    assert found["seeds"].tolist() == [8, 8]
+    assert found.loc[2.0, ["pair_frequency", "pair_frequency_interval"]].tolist() == pytest.approx([5.0, 2.3646 / math.sqrt(8.0)], rel=1e-4)
+    assert found.loc[2.0, "bed_frequency_interval"] == 0.0
+    assert found.loc[2.0, ["ratio", "ratio_interval"]].tolist() == pytest.approx([6.0, 6.0 * 0.83602 / 5.0], rel=1e-4)  # δ(B/P) = −B δP/P²
+    assert found.loc[3.0, ["ratio", "ratio_interval"]].tolist() == pytest.approx([3.0, 0.83602 / 7.0], rel=1e-4)
+    assert found["ratio_printed"].tolist() == [6.74, 4.46]
+
+
+def test_the_ratio_of_frequencies_in_proportion_is_known_exactly():
+    pairs = np.random.default_rng(9).uniform(1.0, 2.0, 8)
+    found = grains.over_seeds(seeds(pairs, 4.0 * pairs)).iloc[0]
+    assert found["ratio"] == pytest.approx(4.0) and found["ratio_interval"] == pytest.approx(0.0, abs=1e-12) and found["pair_frequency_interval"] > 0.0
+
+
+def test_a_single_seed_has_no_interval_and_runs_with_scatter_are_others():
+    table = pd.concat([seeds([0.0], [3.0], scatter=False), seeds([1.0], [3.0], scatter=True), seeds([9.0], [9.0]).assign(encounters=False)])
+    found = grains.over_seeds(table)
+    assert found["scatter"].tolist() == [False, True]
+    assert found["ratio"].tolist() == [math.inf, 3.0]
+    assert found[[name for name in found if name.endswith("_interval")]].isna().all(axis=None)
 
 
 # Errors and tests
@@ -172,9 +203,20 @@ def test_changes_of_angles_velocities_and_spins():
     assert found["spin_y"].tolist() == [-2.0, 0.0]
 
 
+def test_encounters_that_parted_slowly_are_left_out():
+    """They part faster than e lets them: the restitution that was applied is above e."""
+    rows = np.zeros((2, len(COLUMNS)))
+    e = cloud().options("encounters").restitution
+    for row, applied, grain in zip(rows, (e, 1.7), (0, 2), strict=True):
+        row[[COLUMNS.index(name) for name in ("first", "second", "restitution", "first_u_after")]] = grain, grain + 1, applied, 1.0
+    result = made(met=encounter_table(rows))
+    assert grains.changes(result)["grain"].tolist() == [0, 1]
+    assert grains.changes(result, slow=True)["grain"].tolist() == [0, 1, 2, 3]
+
+
 def test_a_distribution():
     found = grains.distribution(pd.DataFrame({"grain": [1, 2, 3], "u": [-1.0, 0.0, 4.0]})).iloc[0]
-    assert found.tolist() == ["u", 1.0, pytest.approx(math.sqrt(7.0)), pytest.approx(5.0 / 3.0), 1.0, 3]
+    assert found.tolist() == ["u", 1.0, pytest.approx(math.sqrt(7.0)), pytest.approx(5.0 / 3.0), pytest.approx(math.sqrt(13.0 / 3.0)), 1.0, 3]
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +228,7 @@ def meeting():
 
 def test_two_grains_exchange_momentum_and_turn_alike(meeting):
     """The impulse on one is the opposite of that on the other; it acts at the same point of contact, which turns both the same way."""
-    found = grains.changes(meeting)
+    found = grains.changes(meeting, slow=True)
     first, second = found.iloc[::2].reset_index(drop=True), found.iloc[1::2].reset_index(drop=True)
     assert first["grain"].tolist() == meeting.encounters["first"].tolist()
     for name in ("u", "v", "w"):
@@ -255,7 +297,63 @@ def test_without_encounters_and_scatter_of_the_bed_nothing_drives_grains_across(
     assert (speed[-1] < 0.1 * speed[0]).all()
 
 
+def shares(neither, encounters, bed, both, count=2000):
+    """Of four ensembles of normal displacements of these variances, two lags alike."""
+    variances = {(False, False): neither, (False, True): encounters, (True, False): bed, (True, True): both}
+    rng = np.random.default_rng(8)
+    return grains.shares_across({key: math.sqrt(value) * rng.standard_normal((count, 2)) for key, value in variances.items()})
+
+
+def test_sources_that_act_independently_are_told_apart():
+    """Variances 3 by the bed and 1 by encounters, on 0.1 of the start: three quarters are the bed's."""
+    found = shares(0.1, 1.1, 3.1, 4.1)
+    assert (found["bed"] + found["encounters"]).to_numpy() == pytest.approx(1.0, abs=1e-15)
+    assert ((found["lower"] < 0.75) & (found["upper"] > 0.75)).all()
+    assert (found["upper"] - found["lower"]).max() < 0.1
+
+
+def test_what_only_both_do_is_shared_equally():
+    found = shares(1e-6, 1e-6, 1e-6, 1.0)
+    assert found["bed"].to_numpy() == pytest.approx(0.5, abs=1e-4)
+
+
+def test_shares_of_nothing_are_refused():
+    with pytest.raises(ValueError, match=r"members must hold runs with and without each .* got none for \(bed, encounters\) = \(True, False\)"):
+        grains.shares_across({(False, False): np.ones((3, 1)), (False, True): np.ones((3, 1))})
+    with pytest.raises(ValueError, match="there is nothing to share"):
+        shares(2.0, 1.0, 1.0, 1.0)
+
+
+def test_planes_tilted_to_either_side_spread_grains_across_and_those_that_follow_the_grain_do_not():
+    """R7's from rest across; by the contact relation a grain without speed across is never given any."""
+    spread = {}
+    for roughness in ("R5", "R7"):
+        bed = {"roughness": roughness, "span_scatter": True}
+        path = saltation.run(cloud(False, bed=bed, cloud={"spread": 0.0}, run={"duration": 2.0})).trajectory
+        spread[roughness] = float((path["y"] - path["y"][0]).to_numpy()[-1].std())
+    assert spread["R5"] == 0.0 and spread["R7"] > 1.0
+
+
 # How many jumps
+
+
+def test_means_of_the_first_jumps_of_one_grain():
+    """Heights 0, 1, …: without the first ten the mean of a hundred is 54.5, with the deviation of 90 whole numbers."""
+    found = grains.first_means(pd.DataFrame({"height": np.arange(517.0), "length": 1.0}), (100, 517, 600)).set_index("jumps")
+    assert found.index.tolist() == [100, 517]
+    assert found["height"].tolist() == [54.5, 263.0]
+    assert found.loc[100, "height_sd"] == pytest.approx(math.sqrt((90**2 - 1) / 12.0 * 90 / 89), rel=1e-12)
+    assert found["length_sd"].tolist() == found["length_se"].tolist() == [0.0, 0.0]
+
+
+def test_fig_4_3_a_hundred_jumps_tell_the_mean_of_517():
+    scene = thesis.single_grain(73.0, 2.0)
+    assert "encounters" not in scene.names and scene.cloud is None and scene.bed.span_scatter
+    found = grains.first_means(saltation.run(scene).jumps).set_index("jumps")
+    assert found.index.tolist() == [100, 150, 200, 517]
+    for name in ("height", "length"):
+        assert abs(found.loc[100, name] - found.loc[517, name]) < 3.0 * found.loc[100, f"{name}_se"]
+        assert found.loc[100, f"{name}_sd"] == pytest.approx(found.loc[517, f"{name}_sd"], rel=0.15)
 
 
 def test_means_of_the_first_jumps():
