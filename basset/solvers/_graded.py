@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
 from basset.spectrum import STAYS, log_stretch_of, weight_ratio
-
-if TYPE_CHECKING:
-    from basset.solvers.collocation import Collocation
 
 FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
 # the shortest lag of the sum and the shortest step, in time spans: as a rule; after jumps; where something relaxes even faster
@@ -64,8 +61,8 @@ class Approach(Segment):
     length: float = 0.0
 
 
-def integrate(method: Collocation, task: Task, trace: Trace) -> None:
-    """March through the time span, with sums for lags as short as it takes."""
+def integrate(method: Any, task: Task, trace: Trace) -> None:
+    """March through the time span, with sums for lags as short as it takes; `method` has rtol, atol, stages and max_step."""
     for depth in range(len(DEPTHS)):
         try:
             return Integration(method, task, trace, depth).run()
@@ -77,7 +74,7 @@ def integrate(method: Collocation, task: Task, trace: Trace) -> None:
 class Integration:
     """One integration: the tables and events around the inner loop. `depth`: for lags and steps how short, see DEPTHS."""
 
-    def __init__(self, method: Collocation, task: Task, trace: Trace, depth: int = 0) -> None:
+    def __init__(self, method: Any, task: Task, trace: Trace, depth: int = 0) -> None:
         self.task, self.trace = task, trace
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
