@@ -187,9 +187,9 @@ class StepTables:
         """Room for one step size that is on no rung: every integration needs its own."""
         return self._empty(1, moments=False)
 
-    def fill(self, odd: stepper.Tables, numbers: Floats) -> None:
+    def fill(self, odd: stepper.Tables, control: Any) -> None:
         """Make the tables that the stepper asks for; on a rung every thread makes the same."""
-        h, slot, kind = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
+        h, slot, kind = float(control.step), int(control.rung), int(control.singular)
         tables = odd if slot < 0 else self.tables
         slot = max(0, slot)
         if self.tail is not None:
@@ -205,12 +205,12 @@ class StepTables:
 
     def fill_all(self) -> None:
         """Make the tables of all rungs: then any number of threads run without returning for one."""
-        numbers, odd = stepper.start_numbers(0.0, 0.0, False), self.odd()
+        control, odd = stepper.start_control(0.0, 0.0, False)[0], self.odd()
         for slot in range(len(self.tables.sizes)):
             for kind in range(2):
                 if self.tables.sizes[slot, kind] == 0.0:
-                    numbers[stepper.STEP], numbers[stepper.SLOT], numbers[stepper.SINGULAR] = self.span * 2.0 ** (-slot / stepper.LADDER), slot, kind
-                    self.fill(odd, numbers)
+                    control.step, control.rung, control.singular = self.span * 2.0 ** (-slot / stepper.LADDER), slot, kind
+                    self.fill(odd, control)
 
 
 @lru_cache(maxsize=16)

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 import saltation
-from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation.flight import layout
 from saltation.flight.cloud import Cloud, starts
@@ -100,7 +99,7 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
                 for own in timed.values():
                     own.fly(max(STRETCH, 0.25 * own.number))
             for number, own in timed.items():
-                steps = float(own.cloud.state.numbers[:, stepper.STEPS].sum() / (own.clock * number))
+                steps = float(own.cloud.state.control["steps"].sum() / (own.clock * number))
                 rows.append({"form": form, "concentration": concentration, "number": number, "seconds": own.best, "bytes": own.bytes, "steps": steps})
     return rows
 
@@ -133,11 +132,11 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         taken = 0.0
         for i, grain in enumerate(single_grains):
             grain.memory = grain.memory._replace(horizon=until)  # comes back after the step that passes it
-            grain.flight[layout.DONE] = 0.0
+            grain.flight[0].done = 0
             begin = time.perf_counter()
             grain.fly(record, False, table)
             taken += time.perf_counter() - begin
-            jumps = int(grain.flight[layout.DONE])
+            jumps = grain.flight[0].done
             alone.append(np.column_stack([np.full(jumps, i), table[:jumps]]))
         best["one by one"] = min(best["one by one"], taken)
     single = np.concatenate(alone)

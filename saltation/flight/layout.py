@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from basset.kernels import Floats
 
 SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones do not count as flights
@@ -11,8 +13,13 @@ SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones do not count as flights
 # why `fly` returns, beside the codes of `basset.solvers.stepper`
 JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 
-# places in `flight`
-START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+# of a flight: takeoff, highest point and angle turned so far; of a grain: draws at the bed, short flights in a row, rows of the table of jumps, jumps
+FLIGHT = np.dtype(
+    (
+        np.record,
+        [(name, "f8") for name in ("start", "x", "y", "z", "top", "turned", "u", "v", "w")] + [(name, "i8") for name in ("impacts", "short", "done", "taken")],
+    )
+)
 
 # columns of the table of jumps, as recorded: takeoff, flight, impact
 COLUMNS = (
