@@ -164,7 +164,8 @@ class LongerMemory:
 
     def follow(self, record: stepper.Record, done: int) -> None:
         """Advance it by the recorded steps."""
-        engine, tables, where = self.engine, self.engine.tables, self.engine.problem.where
+        engine, tables, tail, where = self.engine, self.engine.tables, self.engine.tables.tail, self.engine.problem.where
+        assert tail is not None
         for h, kind, share, values in zip(record.size[:done], record.kind[:done], record.share[:done], record.values[:done], strict=True):
             if share < 1.0:
                 none = np.zeros(0)
@@ -172,8 +173,8 @@ class LongerMemory:
                 stepper.truncate_memory(where, tables.nodes, engine.truncation, state, h, share, int(kind), values)
                 continue
             if (h, kind) not in self.known:
-                found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
-                self.known[h, kind] = found[1], found[2]
+                _, decays, moments, *_ = step_tables(tables.count, tail, BassetKernel(), [h], bool(kind))
+                self.known[h, kind] = decays[0], moments[0]
             decay, gained = self.known[h, kind]
             self.past = decay * self.past + values[:, where].T @ gained
 
@@ -343,7 +344,6 @@ def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Fo
         if (before := folder.read_status()) is not None and before["status"] != STOPPED[0]:
             return open_folder(folder.path)
         now = folder.load_checkpoint(cloud.arrays())
-        cloud.tabulate()
         note_encounters(cloud, known)
         folder.write_status(now, known)  # of a run that was killed between its checkpoint and its status
 

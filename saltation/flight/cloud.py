@@ -106,14 +106,11 @@ class Cloud:
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        tables, count, domain = self.engine.tables, self.logs.count, self.domain
-        log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
+        count, domain = self.logs.count, self.domain
+        log, samples = placed(self.logs), placed(samples)
         while True:
             code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
             grain = int(count[2])
-            if code == stepper.TABLE:
-                tables.fill(odd, self.state.control[grain])
-                continue
             if code == UNTIL:
                 collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
             elif code not in GOES_ON and domain is not None:  # no grain is behind the one that stopped the run
@@ -125,14 +122,6 @@ class Cloud:
     def arrays(self) -> dict[str, Any]:
         """All arrays that change during a run."""
         return self.state._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}
-
-    def tabulate(self) -> None:
-        """Make the tables of the current steps: a run that is resumed begins in a process that has none."""
-        tables = self.engine.tables
-        has_a_step = (collisions.STEP_END, collisions.IMPACT, collisions.KINK, collisions.ENCOUNTER, collisions.FIND_ENCOUNTER)
-        for control in self.state.control[np.isin(self.state.kind, has_a_step)]:
-            if tables.tables.sizes[control.rung, int(control.singular)] != control.step:
-                tables.fill(self.steps.flight.parts.odd, control)
 
     def speed_of(self, grain: int) -> float:
         """Speed of a grain along the stream, V."""

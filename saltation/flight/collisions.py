@@ -25,13 +25,13 @@ from basset._compile import call, compiled, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
-from basset.solvers.stepper import ACCEPTED, NOT_FINITE, TABLE, TOO_SMALL
+from basset.solvers.stepper import ACCEPTED, NOT_FINITE, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
 from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
-STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, RESUME, ROUGH_STEP, KINK = range(9)  # kinds of a grain's next event
+STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, KINK = range(7)  # kinds of a grain's next event
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` returns, beside the codes of a flight
 # of a step's path: times; middle and velocity of the chord; bounds: distance from the chord, velocity against its, and of the acceleration
 # bend + root/(2√t), t since the step's start
@@ -594,34 +594,23 @@ def store_step(grains: Grains, i: int, g: loop.Flight) -> None:
 
 @shared
 def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, logs: Logs, i: int, courses: Courses) -> int:
-    """Find the next step of the loaded grain: ACCEPTED, or why not. Its polynomial is left in the work space.
-
-    A search that a missing table interrupts goes on where it was (RESUME, ROUGH_STEP): the step must not depend on which tables there were.
-    """
+    """Find the next step of the loaded grain: ACCEPTED, or why not. Its polynomial is left in the work space."""
     steps = parts.steps
     g, p = steps.flight, steps.flight.parts
     model, problem, state, control, signal, polynomial = g.model, p.problem, p.state, p.state.control[0], p.work.signal, p.work.polynomial
     if control.time - g.account[0].start > g.limits.longest:
         return layout.ALOFT
-    if control.steps == 0 and grains.kind[i] == FIND_STEP and g.bed.highest > -math.inf:
+    if control.steps == 0 and g.bed.highest > -math.inf:
         loop.set_tolerance(g, math.inf)
     while True:
-        code = ACCEPTED
-        if grains.kind[i] != ROUGH_STEP:
-            call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
-            code = int(signal[0, 0])
-            if code == TABLE:
-                grains.kind[i] = RESUME
-            elif domain is not None and code in (TOO_SMALL, NOT_FINITE) and control.step < 4.0 * problem.floor:
-                # what happens between two contacts that follow each other more closely than that cannot be resolved
-                control.step = 8.0 * problem.floor
-                grains.kind[i] = ROUGH_STEP
-        if grains.kind[i] == ROUGH_STEP:
+        call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
+        code = int(signal[0, 0])
+        if domain is not None and code in (TOO_SMALL, NOT_FINITE) and control.step < 4.0 * problem.floor:
+            # what happens between two contacts that follow each other more closely than that cannot be resolved
+            control.step = 8.0 * problem.floor
             call(parts.rough, 0.0, signal, 0, signal, 0, signal)
             code = int(signal[0, 0])
-            if code == ACCEPTED:
-                grains.kind[i] = FIND_STEP
-                logs.count[3] += 1
+            logs.count[3] += 1
         store_step(grains, i, g)
         if code != ACCEPTED:
             return code
@@ -780,7 +769,7 @@ def handle_event(
 ) -> int:
     """Handle a grain's next event: ACCEPTED, or why the caller is needed. `loaded`: it was the last one, its polynomial is in the work space."""
     now, kind, g = grains.clock[i], index(grains.kind[i]), parts.steps.flight
-    if kind in (FIND_STEP, RESUME, ROUGH_STEP):
+    if kind == FIND_STEP:
         if not loaded:
             load_grain(grains, i, g)
         code = find_step(parts, domain, grains, first_in_cell, logs, i, courses)
@@ -793,7 +782,7 @@ def handle_event(
             set_event(domain, grains, i, grains.path[i].end, index(grains.own[i]), -1)
             return ACCEPTED
     if domain is not None:
-        if kind in (FIND_STEP, RESUME, ROUGH_STEP, FIND_ENCOUNTER):
+        if kind in (FIND_STEP, FIND_ENCOUNTER):
             find_encounter(parts, domain, grains, first_in_cell, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:

@@ -276,6 +276,7 @@ class Engine:
     ) -> tuple[loop.Steps, Any]:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
+        tables.fill_all()
         equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
         work = stepper.workspace(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.truncation, work))
@@ -325,7 +326,7 @@ class Grain:
         self._bound: tuple[tuple[Any, ...], Any] | None = None
 
     def fly(self, record: stepper.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
-        """Fly until the caller is needed; missing tables are made on the way. (code, steps recorded)."""
+        """Fly until the caller is needed. (code, steps recorded)."""
         engine = self.engine
         given = (engine, engine.problem, engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values, record, jumps)
         if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
@@ -334,14 +335,8 @@ class Grain:
                 loop.set_tolerance(steps.flight, math.inf)
             self._bound = given, (steps, loop.fly_entry(steps), placed(record), kept)
         steps, (watch, _), log, _ = self._bound[1]
-        parts = steps.flight.parts
-        while True:
-            code, done = stepper.march(steps.attempt, watch, True, parts, NOTHING_LOGGED, 1, log, recording)
-            if code != stepper.TABLE:
-                return code, done
-            engine.tables.fill(parts.odd, self.state.control[0])
-            if done:
-                return stepper.FULL, done
+        code, done = stepper.march(steps.attempt, watch, True, steps.flight.parts, NOTHING_LOGGED, 1, log, recording)
+        return code, done
 
 
 def empty_record(steps: int, stages: int, states: int) -> stepper.Record:
