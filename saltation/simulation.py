@@ -266,11 +266,11 @@ class Part:
 
     def empty(self, logs: collisions.Logs) -> None:
         """Take what is in the logs."""
-        jumps, met = logs.count[:2]
-        self.owners.append(logs.owners[:jumps] + np.int32(self.grains.start))
-        self.jumps.append(logs.jumps[:jumps].copy())
-        self.met.append(logs.encounters[:met].copy())
-        logs.count[:2] = 0
+        count = logs.count[0]
+        self.owners.append(logs.owners[: count.jumps] + np.int32(self.grains.start))
+        self.jumps.append(logs.jumps[: count.jumps].copy())
+        self.met.append(logs.encounters[: count.encounters].view(np.float64).reshape(-1, len(layout.ENCOUNTER_COLUMNS)).copy())
+        count.jumps = count.encounters = 0
 
     def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Jumps and collisions."""
@@ -315,7 +315,7 @@ def note_encounters(cloud: Cloud, known: dict[str, Any]) -> None:
     """Add the pair law, the box and the unresolved steps to the provenance of a run with encounters."""
     if cloud.domain is not None:
         scene = cloud.engine.scene
-        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
+        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[0].unresolved)}
 
 
 def run_cloud(

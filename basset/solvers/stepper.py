@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, entry, separate, shared
+from basset._compile import call, compiled, entry, record_type, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
@@ -27,23 +27,20 @@ from basset.streaming._loops import dot
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, AT_REST = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
-FIELDS = [
-    ("time", "f8"), ("step", "f8"),  # its end so far, and the size of the next step
-    ("first_step", "f8"),  # size of the first step after the last jump
-    ("last_jump", "f8"),  # when it was
-    ("previous_step", "f8"),  # size of a regular step before this one, else 0
-    ("error", "f8"),  # of the step that was accepted last, over the tolerance
-    ("tolerance_factor", "f8"),
-    ("refusals", "f8"),  # fading count of regular steps that were too long
-    ("tried", "f8"),  # size of the step that was refused last
-    ("failed_time", "f8"), ("failed_component", "i8"),  # where fun was not finite
+# of one integration: its steps and their control
+CONTROL = record_type(
+    "time", "step",  # its end so far, and the size of the next step
+    "first_step", "last_jump",  # size of the first step after the last jump, and when that was
+    "previous_step",  # size of a regular step before this one, else 0
+    "error", "tolerance_factor",  # of the step that was accepted last, over the tolerance
+    "refusals", "tried",  # fading count of regular steps that were too long, size of the last one
+    "failed_time", ("failed_component", "i8"),  # where fun was not finite
     ("steps", "i8"), ("calls", "i8"),  # so far; of fun
     ("rung", "i8"),  # of the step size, −1 if it is on none
     ("singular", "?"),  # whether the next step is
     ("smooth", "?"),  # whether the rates go on from the step before
     ("jacobian_known", "?"), ("guess_known", "?"),
-]  # fmt: skip
-CONTROL = np.dtype((np.record, np.dtype(FIELDS, align=True)))  # of one integration: its steps and their control
+)  # fmt: skip
 FULLY, DIAGONALLY = 10, 30  # iterations at most
 SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian
 

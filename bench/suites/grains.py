@@ -70,7 +70,7 @@ class Timed:
         begin = time.perf_counter()
         code = UNTIL
         for code, _ in self.cloud.advance(self.clock + span, self.samples):  # noqa: B007 - the last one counts
-            self.cloud.logs.count[:2] = 0
+            self.cloud.logs.count[0].jumps = self.cloud.logs.count[0].encounters = 0
         taken = time.perf_counter() - begin
         if code != UNTIL:
             raise RuntimeError(f"the run ended with {code}")
@@ -121,9 +121,9 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         begin = time.perf_counter()
         none = Samples(engine.scene.cloud.interval, np.zeros(1, dtype=np.int64), np.zeros((0, number, 6)))
         for _ in cloud.advance(until, none):
-            jumps = int(cloud.logs.count[0])
+            jumps = int(cloud.logs.count[0].jumps)
             rows.append(np.column_stack([cloud.logs.owners[:jumps], cloud.logs.jumps[:jumps]]))
-            cloud.logs.count[:2] = 0
+            cloud.logs.count[0].jumps = cloud.logs.count[0].encounters = 0
         best["cloud"] = min(best["cloud"], time.perf_counter() - begin)
         together = np.concatenate(rows)
         single_grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]

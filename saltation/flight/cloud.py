@@ -76,9 +76,7 @@ class Cloud:
         self.first_in_cell = np.full(cells, -1, dtype=np.int32)
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(layout.COLUMNS))), np.zeros(rows, dtype=np.int32)
-        self.logs = collisions.Logs(
-            jumps, owners, np.zeros((BUFFER if self.domain is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
-        )
+        self.logs = collisions.Logs(jumps, owners, np.zeros(BUFFER if self.domain is not None else 0, layout.ENCOUNTER), np.zeros(1, collisions.COUNT))
         loaded = Grain(engine)  # whose arrays the grains take in turn
         problem = engine.problem._replace(end=math.inf)
         given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), loaded.state, loaded.spin, loaded.flight, loaded.values)
@@ -106,11 +104,11 @@ class Cloud:
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        count, domain = self.logs.count, self.domain
+        count, domain = self.logs.count[0], self.domain
         log, samples = placed(self.logs), placed(samples)
         while True:
             code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
-            grain = int(count[2])
+            grain = int(count.grain)
             if code == UNTIL:
                 collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
             elif code not in GOES_ON and domain is not None:  # no grain is behind the one that stopped the run

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, shared
+from basset._compile import call, compiled, record_type, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
@@ -35,7 +35,9 @@ STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, KINK = range(7)  #
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` returns, beside the codes of a flight
 # of a step's path: times; middle and velocity of the chord; bounds: distance from the chord, velocity against its, and of the acceleration
 # bend + root/(2√t), t since the step's start
-PATH = np.dtype((np.record, [(name, "f8") for name in ("begin", "end", "x", "y", "z", "u", "v", "w", "spread", "pace", "bend", "root")]))
+PATH = record_type("begin", "end", "x", "y", "z", "u", "v", "w", "spread", "pace", "bend", "root")
+# rows written; the grain that stopped the run; steps that were too short to be resolved
+COUNT = record_type(("jumps", "i8"), ("encounters", "i8"), ("grain", "i8"), ("unresolved", "i8"))
 REACH = 2.0  # d: half a step's path is at most this long
 DEEPEST_OVERLAP = 1e-10  # d
 MARGIN = math.sqrt(2.0)  # |p| on [−1, 1] over the largest at the zeros of T_2n, for degrees up to n: Ehlich & Zeller (1964), Math. Z. 86, 41
@@ -100,14 +102,12 @@ class Samples(NamedTuple):
 
 
 class Logs(NamedTuple):
-    """Jumps (as of a flight) and whose they are, encounters; counts of jumps and encounters written, the grain that stopped the run, steps
-    that were too short to be resolved.
-    """
+    """Jumps (as of a flight) and whose they are, encounters (see `layout.ENCOUNTER`), how many of them are written (see COUNT)."""
 
     jumps: Floats
     owners: Any
-    encounters: Floats
-    count: Any
+    encounters: Any
+    count: Any  # (1,)
 
 
 class Course(NamedTuple):
@@ -610,7 +610,7 @@ def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell
             control.step = 8.0 * problem.floor
             call(parts.rough, 0.0, signal, 0, signal, 0, signal)
             code = int(signal[0, 0])
-            logs.count[3] += 1
+            logs.count[0].unresolved += 1
         store_step(grains, i, g)
         if code != ACCEPTED:
             return code
@@ -676,16 +676,15 @@ def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int
     if grains.own[i] == KINK:
         equations.cross_kink(model, p)
         return ACCEPTED
-    count = logs.count
-    row = index(count[0])
+    row = index(logs.count[0].jumps)
     logs.owners[row] = i
-    count[0] += 1
+    logs.count[0].jumps += 1
     call(parts.steps.land, float(g.bed.grain + i), signal, 0, logs.jumps, row, signal)
     return int(signal[0, 0])
 
 
 @shared
-def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: float, row: Floats) -> None:
+def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: float, row: Any) -> None:
     """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
     g, p = parts.steps.flight, parts.steps.flight.parts
     model = g.model
@@ -696,27 +695,28 @@ def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: 
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = velocity_and_shear(model.profile, first[d - 1])[0], velocity_and_shear(model.profile, second[d - 1])[0]
-    u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
+    velocity = row.velocity
+    u, v = (velocity[0, 0], velocity[0, 1], velocity[0, 2]), (velocity[1, 0], velocity[1, 1], velocity[1, 2])
     spin_one, spin_two = contact.spin_of(model, first, grains.spin[i]), contact.spin_of(model, second, grains.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = domain.restitution
     if closing > 0.0 and restitution * closing < domain.minimum_separation_speed:
         restitution = domain.minimum_separation_speed / closing
     after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, domain.friction)
-    row[0], row[1], row[2] = time, i, j
-    row[3], row[4], row[5] = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
-    row[6], row[7], row[8], row[9], row[10] = nx, ny, nz, distance, restitution
+    row.time, row.first, row.second = time, i, j
+    row.x, row.y, row.z = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
+    row.n_x, row.n_y, row.n_z, row.distance, row.restitution = nx, ny, nz, distance, restitution
+    spin, velocity_after, spin_after, impulse = row.spin, row.velocity_after, row.spin_after, row.impulse
     for k in range(3):
-        row[17 + k], row[20 + k] = spin_one[k], spin_two[k]
-        row[23 + k], row[26 + k], row[29 + k], row[32 + k] = after[0][k], after[1][k], after[2][k], after[3][k]
-        row[35 + k] = after[4][k]
+        spin[0, k], spin[1, k], impulse[k] = spin_one[k], spin_two[k], after[4][k]
+        velocity_after[0, k], velocity_after[1, k], spin_after[0, k], spin_after[1, k] = after[0][k], after[1][k], after[2][k], after[3][k]
     for side in range(2):
         grain = i if side == 0 else j
         load_grain(grains, grain, g)
-        k = 23 + 3 * side
-        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        u, v, w = velocity_after[side, 0], velocity_after[side, 1], velocity_after[side, 2]
+        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, u, v, w)
         if not g.limits.prescribed:
-            contact.set_spin(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            contact.set_spin(model, p.state.y, p.equation.own, spin_after[side, 0], spin_after[side, 1], spin_after[side, 2])
         store_grain(grains, grain, g)
 
 
@@ -737,19 +737,19 @@ def encounter(parts: Parts, domain: Domain, grains: Grains, samples: Samples, lo
     for side in range(2):
         grain = i if side == 0 else j
         if collapsing(domain, grains, grain, now):
-            logs.count[2] = grain
+            logs.count[0].grain = grain
             return PILE_UP
-    row = logs.encounters[logs.count[1]]
+    row = logs.encounters[logs.count[0].encounters]
     for side in range(2):
         grain = i if side == 0 else j
         course_of(parts, domain, grains, grain, courses[0])
-        velocity = at_time(model, grains, grain, courses[0], now)[1]
-        row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
+        velocity = row.velocity
+        velocity[side, 0], velocity[side, 1], velocity[side, 2] = at_time(model, grains, grain, courses[0], now)[1]
         load_grain(grains, grain, parts.steps.flight)
         truncate_at(parts, grains, samples, grain, now, share_at(grains, grain, now))
         store_grain(grains, grain, parts.steps.flight)
     collide(parts, domain, grains, i, j, now, row)
-    logs.count[1] += 1
+    logs.count[0].encounters += 1
     set_event(domain, grains, i, now, FIND_STEP, -1)
     set_event(domain, grains, j, now, FIND_STEP, -1)
     return ACCEPTED
@@ -774,7 +774,7 @@ def handle_event(
             load_grain(grains, i, g)
         code = find_step(parts, domain, grains, first_in_cell, logs, i, courses)
         if code != ACCEPTED:
-            logs.count[2] = i
+            logs.count[0].grain = i
             if code == layout.ALOFT:
                 leave_run(domain, grains, first_in_cell, i)
             return code
@@ -786,10 +786,10 @@ def handle_event(
             find_encounter(parts, domain, grains, first_in_cell, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:
-            if logs.count[1] >= len(logs.encounters):
+            if logs.count[0].encounters >= len(logs.encounters):
                 return ENCOUNTERS_FULL
             return encounter(parts, domain, grains, samples, logs, i, now, courses)
-    if kind == IMPACT and logs.count[0] >= len(logs.jumps):
+    if kind == IMPACT and logs.count[0].jumps >= len(logs.jumps):
         return JUMPS_FULL
     if not loaded:
         load_grain(grains, i, g)
@@ -797,7 +797,7 @@ def handle_event(
     code = take_step(parts, grains, samples, logs, i)
     store_grain(grains, i, g)
     if code == layout.REST:
-        logs.count[2] = i
+        logs.count[0].grain = i
         leave_run(domain, grains, first_in_cell, i)
         return code
     set_event(domain, grains, i, now, FIND_STEP, -1)
