@@ -58,6 +58,7 @@ class Cloud:
     def __init__(self, engine: Engine, grains: range | None = None) -> None:
         """All grains, or some neighbouring ones: without encounters each flies as it would among all."""
         self.engine = engine
+        engine.tables.fill_all()
         scene, d, members = engine.scene, engine.dimensions, engine.members
         self.grains = range(scene.grains.number) if grains is None else grains
         number, stages = len(self.grains), engine.tables.count

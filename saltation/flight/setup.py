@@ -276,7 +276,6 @@ class Engine:
     ) -> tuple[loop.Steps, Any]:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
-        tables.fill_all()
         equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
         work = stepper.workspace(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.truncation, work))
@@ -330,6 +329,7 @@ class Grain:
         engine = self.engine
         given = (engine, engine.problem, engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values, record, jumps)
         if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
+            engine.tables.fill_all()
             steps, kept = engine.steps(*given[2:], problem=engine.problem)
             if engine.scene.bed is not None and self.state.control[0].steps == 0:
                 loop.set_tolerance(steps.flight, math.inf)
