@@ -464,6 +464,13 @@ def _call_compiled(numba: Any) -> None:
         return compiled_call
 
 
+def record_type(*fields: Any) -> Any:
+    """The type of records whose fields Python and compiled code read and write by name: names of float64 numbers, or (name, type, …)."""
+    import numpy as np
+
+    return np.dtype((np.record, np.dtype([(field, "f8") if isinstance(field, str) else field for field in fields], align=True)))
+
+
 class Placed:
     """NamedTuples of numbers, arrays and further such tuples in memory, for compiled code to read by their fields.
 

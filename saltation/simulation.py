@@ -124,15 +124,15 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     )
     while True:
         if aloft:
-            grain.state.numbers[stepper.KNOWN] = 0.0
-        grain.flight[layout.DONE] = 0.0
+            grain.state.control[0].jacobian_known = False
+        grain.flight[0].done = 0
         code, done = grain.fly(record, recording, table)
-        rows.append(table[: int(grain.flight[layout.DONE])].copy())
+        rows.append(table[: grain.flight[0].done].copy())
         if scene.run.trajectory:
             kept.add(record, done, grain)
         for other in longer:
             other.follow(record, done)
-        report(min(1.0, float(grain.flight[layout.TAKEN] / wanted if wanted else grain.state.numbers[stepper.TIME] / engine.end)))
+        report(min(1.0, float(grain.flight[0].taken / wanted if wanted else grain.state.control[0].time / engine.end)))
         if code == stepper.END and longer:
             grain = longer.pop(0).take_over(grain)
         elif code not in (stepper.FULL, layout.CROWDED):
@@ -140,17 +140,17 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
     whole, engine = np.concatenate(rows), grain.engine
     spins = np.vstack([whole[:, -3:], grain.spin[:3]])  # at the end of every flight
     jumps, path = table_of(whole, engine.numbers.stokes(1.0)), partial(kept.path, engine, spins) if scene.run.trajectory else None
-    return Result(scene, jumps, *ending(code, grain), origin(scene), float(grain.state.numbers[stepper.TIME]), path=path)
+    return Result(scene, jumps, *ending(code, grain), origin(scene), float(grain.state.control[0].time), path=path)
 
 
 def ending(code: int, grain: Grain) -> tuple[str, str]:
     """Status and why, from the code with which a flight ended."""
-    short = grain.flight[layout.SHORT]
-    if code == layout.JUMPS and short >= min(STILL, grain.flight[layout.TAKEN]):
+    short = grain.flight[0].short
+    if code == layout.JUMPS and short >= min(STILL, grain.flight[0].taken):
         code = layout.REST
-    if STATUS.get(code, ("failed",))[0] == "failed" and grain.state.numbers[stepper.TIME] > grain.engine.horizon:
+    if STATUS.get(code, ("failed",))[0] == "failed" and float(grain.state.control[0].time) > grain.engine.horizon:
         code = layout.HORIZON  # a step that outlasts its memory cannot be exact
-    if code == layout.REST and abs(grain.flight[layout.U]) > SLIDING:
+    if code == layout.REST and abs(grain.flight[0].u) > SLIDING:
         return "creeping", "the grain slides along the bed: impacts follow each other without flight"
     diverged = "the steps diverge: take a smaller solver.dt or a lower history.order" if isinstance(grain, FixedGrain) else "the flight stopped"
     return STATUS.get(code, ("failed", diverged))
@@ -166,16 +166,17 @@ class LongerMemory:
 
     def follow(self, record: stepper.Record, done: int) -> None:
         """Advance it by the recorded steps."""
-        engine, tables, where = self.engine, self.engine.tables, self.engine.problem.where
+        engine, tables, tail, where = self.engine, self.engine.tables, self.engine.tables.tail, self.engine.problem.where
+        assert tail is not None
         for h, kind, share, values in zip(record.size[:done], record.kind[:done], record.share[:done], record.values[:done], strict=True):
             if share < 1.0:
                 none = np.zeros(0)
                 state = stepper.State(none, none, self.past, np.zeros(len(where)), none, none)
-                stepper.cut_memory(where, tables.nodes, engine.cut, state, h, share, int(kind), values)
+                stepper.truncate_memory(where, tables.nodes, engine.truncation, state, h, share, int(kind), values)
                 continue
             if (h, kind) not in self.known:
-                found = step_tables(tables.count, tables.tail, BassetKernel(), h, bool(kind))
-                self.known[h, kind] = found[1], found[2]
+                _, decays, moments, *_ = step_tables(tables.count, tail, BassetKernel(), [h], bool(kind))
+                self.known[h, kind] = decays[0], moments[0]
             decay, gained = self.known[h, kind]
             self.past = decay * self.past + values[:, where].T @ gained
 
@@ -229,12 +230,12 @@ class FixedNodes:
 
     def _take_off(self, grain: Grain) -> None:
         y = grain.state.y
-        self.kept.append(np.concatenate([[grain.state.numbers[stepper.TIME]], y, np.full(len(y), np.nan)])[None])
+        self.kept.append(np.concatenate([[grain.state.control[0].time], y, np.full(len(y), np.nan)])[None])
 
     def add(self, record: Any, done: int, grain: Grain) -> None:
         """Keep what was recorded, and where the grain took off behind it."""
         self.kept.append(np.column_stack([record.times[:done], record.states[:done], record.rates[:done]]))
-        if grain.flight[layout.DONE]:
+        if grain.flight[0].done:
             self._take_off(grain)
 
     def path(self, engine: Engine, spins: Floats) -> xr.Dataset:
@@ -267,11 +268,11 @@ class Part:
 
     def empty(self, logs: collisions.Logs) -> None:
         """Take what is in the logs."""
-        jumps, met = logs.count[:2]
-        self.owners.append(logs.owners[:jumps] + np.int32(self.grains.start))
-        self.jumps.append(logs.jumps[:jumps].copy())
-        self.met.append(logs.encounters[:met].copy())
-        logs.count[:2] = 0
+        count = logs.count[0]
+        self.owners.append(logs.owners[: count.jumps] + np.int32(self.grains.start))
+        self.jumps.append(logs.jumps[: count.jumps].copy())
+        self.met.append(logs.encounters[: count.encounters].view(np.float64).reshape(-1, len(layout.ENCOUNTER_COLUMNS)).copy())
+        count.jumps = count.encounters = 0
 
     def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Jumps and collisions."""
@@ -304,7 +305,7 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
             if code in (layout.REST, layout.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
-                fates.append([cloud.grains.start + grain, float(cloud.state.numbers[grain, stepper.TIME]), fate])
+                fates.append([cloud.grains.start + grain, float(cloud.state.control[grain].time), fate])
         if code != collisions.UNTIL:
             return code, float(cloud.state.clock[grain]) if cloud.domain is not None else clock, grain
         clock = until
@@ -316,7 +317,7 @@ def note_encounters(cloud: Cloud, known: dict[str, Any]) -> None:
     """Add the pair law, the box and the unresolved steps to the provenance of a run with encounters."""
     if cloud.domain is not None:
         scene = cloud.engine.scene
-        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[3])}
+        known |= {"encounters": scene.options("encounters").model_dump(), "box": scene.box, "unresolved_steps": int(cloud.logs.count[0].unresolved)}
 
 
 def run_cloud(
@@ -345,7 +346,6 @@ def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Fo
         if (before := folder.read_status()) is not None and before["status"] != STOPPED[0]:
             return open_folder(folder.path)
         now = folder.load_checkpoint(cloud.arrays())
-        cloud.tabulate()
         note_encounters(cloud, known)
         folder.write_status(now, known)  # of a run that was killed between its checkpoint and its status
 

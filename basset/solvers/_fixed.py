@@ -15,7 +15,7 @@ import numpy as np
 from basset._compile import call, compiled, entry, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
-from basset.solvers.events import CALLS, WHAT, WHERE, copy
+from basset.solvers.events import copy
 from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton
 from basset.solvers.stepper import ACCEPTED, AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
 from basset.streaming import Plan
@@ -25,10 +25,10 @@ from basset.streaming._loops import peek, take
 HELD, RATES, SLIPS = range(3)  # the history held constant over the step; or implicit, with samples of rates or of slips
 UNSOLVED, DIVERGED = 30, 31  # why the loop returned, beside the codes of `stepper`
 
-# places in State.numbers, beside those of events: nodes so far, rows of the record that are filled, rates of the current segment (up to
+# places in State.numbers: nodes so far, rows of the record that are filled, rates of the current segment (up to
 # as many as are kept), rates that alternated and grew in a row, rates looked at for that, for how many steps Newton's matrix has served
-# (0: none is known), whether the caller has a jump to take
-NODE, DONE, KNOWN, GROWN, SEEN, MATRIX, LEAPT = range(7)
+# (0: none is known), whether the caller has a jump to take; calls of fun, when and in which component it was not finite
+NODE, DONE, KNOWN, GROWN, SEEN, MATRIX, LEAPT, CALLS, WHERE, WHAT = range(10)
 
 
 class Equation(NamedTuple):
@@ -466,6 +466,7 @@ class Look(NamedTuple):
     after: Floats  # (state,)
     still: Floats
     dt: float
+    leapt: Floats  # (1,): whether the caller has a jump to take
 
 
 @shared
@@ -512,7 +513,7 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
             elif leaps or 2 * found.logged[0] > len(found.log_times):
                 out[0] = FULL
             if leaps and found.trouble[0] == 0:
-                m.numbers[LEAPT] = 1.0
+                parts.leapt[0] = 1.0
                 for k in range(len(found.side)):
                     values[0, k] = events.value(m, found, k, t, parts.after)
     if found.trouble[0] != 0:
@@ -539,7 +540,7 @@ def weights_of(degree: int) -> Floats:
 def state_of(y: Floats, members: int, degree: int) -> State:
     """The start from `y`, of which it makes no copy."""
     n = len(y)
-    return State(y, np.zeros((degree + 1, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros(15))
+    return State(y, np.zeros((degree + 1, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros(10))
 
 
 def room(nodes: int, n: int, members: int) -> Room:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
 from basset.spectrum import STAYS, log_stretch_of, weight_ratio
-
-if TYPE_CHECKING:
-    from basset.solvers.collocation import Collocation
 
 FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
 # the shortest lag of the sum and the shortest step, in time spans: as a rule; after jumps; where something relaxes even faster
@@ -64,8 +61,8 @@ class Approach(Segment):
     length: float = 0.0
 
 
-def integrate(method: Collocation, task: Task, trace: Trace) -> None:
-    """March through the time span, with sums for lags as short as it takes."""
+def integrate(method: Any, task: Task, trace: Trace) -> None:
+    """March through the time span, with sums for lags as short as it takes; `method` has rtol, atol, stages and max_step."""
     for depth in range(len(DEPTHS)):
         try:
             return Integration(method, task, trace, depth).run()
@@ -77,7 +74,7 @@ def integrate(method: Collocation, task: Task, trace: Trace) -> None:
 class Integration:
     """One integration: the tables and events around the inner loop. `depth`: for lags and steps how short, see DEPTHS."""
 
-    def __init__(self, method: Collocation, task: Task, trace: Trace, depth: int = 0) -> None:
+    def __init__(self, method: Any, task: Task, trace: Trace, depth: int = 0) -> None:
         self.task, self.trace = task, trace
         digits = -math.log10(method.rtol)
         self.count = count = method.stages if method.stages is not None else min(12, max(3, round(2.0 + 0.75 * digits)))
@@ -102,8 +99,8 @@ class Integration:
         )  # fmt: skip
         self.remembers = bool(active.any())
         n, m = len(task.y0), int(active.sum())
-        numbers = stepper.start_numbers(task.start, min(limit, span / 64.0), self.remembers)
-        self.state = stepper.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), numbers)
+        control = stepper.start_control(task.start, min(limit, span / 64.0), self.remembers)
+        self.state = stepper.State(task.y0.copy(), np.zeros(n), np.empty((m, 0)), task.slip[active].copy(), np.zeros((n, n)), control)
         self.depth = max(depth, self._least_depth(task))
         closest = min(high.end - low.end for low, high in pairwise([Segment(task.start), *self.segments]))
         while self.remembers and 10.0 * DEPTHS[self.depth][0] * span > closest:
@@ -125,8 +122,8 @@ class Integration:
         self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
         rates = np.array(self.tail.rates) if self.tail is not None else np.empty(0)
-        self.cut = stepper.Cut(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
-        self.room = stepper.room(count, n)
+        self.truncation = stepper.Truncation(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
+        self.work = stepper.workspace(count, n)
         self.values, self.record = np.zeros((count, n)), self.record_of(64)
         self.bound: tuple[Any, ...] | None = None  # arguments of `march`, None when they have changed
         made = events.bound(task)
@@ -141,8 +138,8 @@ class Integration:
         weights, rates = (np.array(self.tail.weights), np.array(self.tail.rates)) if self.tail is not None else (np.empty(0), np.empty(0))
         return events.Motion(
             fun, events.entries(functions), events.entries(jumps), np.zeros(1), problem.where, task.coefficient[self.active], problem.strength,
-            weights, rates, state.past, state.jump, state.numbers, task.held, problem.first, problem.last, problem.span, self.following,
-            np.zeros((9, len(state.y))),
+            weights, rates, state.past, state.jump, state.control["time"], state.control["calls"],
+            task.held, problem.first, problem.last, problem.span, self.following, np.zeros((9, len(state.y))),
         )  # fmt: skip
 
     def _active(self, task: Task) -> Any:
@@ -191,18 +188,18 @@ class Integration:
                 pass
         finally:
             if is_compiled(self.task.function):
-                self.task.nfev += int(self.state.numbers[stepper.CALLS])
+                self.task.nfev += int(self.state.control[0].calls)
 
     def _advance(self) -> bool:
         """March on until something has to be done, and do it; False at the end."""
         if self.bound is None:
             self.bound = self.bind()
         if self.surfaces:
-            calls_before = float(self.state.numbers[stepper.CALLS])  # the task counts by itself
+            calls_before = int(self.state.control[0].calls)  # the task counts by itself
             try:
                 code, done = self._along()
             finally:
-                self.state.numbers[stepper.CALLS] = calls_before
+                self.state.control[0].calls = calls_before
         else:
             code, done = stepper.march(*self.bound[1])
         self._keep(done)
@@ -211,7 +208,7 @@ class Integration:
         if self.calls.raised is not None:
             raise self.calls.raised
         if code == stepper.TABLE:
-            self.tables.fill(self.odd, self.state.numbers)
+            self.tables.fill(self.odd, self.state.control[0])
         elif code == stepper.END:
             return self._turn()
         elif code in (stepper.STOPPED, stepper.AT_REST):
@@ -230,11 +227,11 @@ class Integration:
 
     def bind(self) -> tuple[Any, ...]:
         """The parts of a step, and the arguments of the march, for the current segment."""
-        problem, found, room = self.problem, self.events, self.room
+        problem, found, work = self.problem, self.events, self.work
         m = (self.sliding if self.surfaces else self.free)._replace(first=problem.first, last=problem.last)
         equation = stepper.Equation(m.fun, m.own, m.held)
         tables = self.tables
-        parts = placed(stepper.Parts(equation, problem, *tables.placed, self.odd, tables.unit, self.state, self.values, self.following, self.cut, room))
+        parts = placed(stepper.Parts(equation, problem, *tables.placed, self.odd, tables.unit, self.state, self.values, self.following, self.truncation, work))
         solve, first = stepper.fully_entry(parts)
         attempt, second = stepper.attempt_entry(stepper.Attempt(parts, solve))
         watch, third = attempt, None
@@ -248,20 +245,20 @@ class Integration:
     def _along(self) -> tuple[int, int]:
         """One step along the surfaces, up to where the state leaves one; as `stepper.march`."""
         assert self.bound is not None
-        state, numbers, found, record = self.state, self.state.numbers, self.events, self.record
+        state, control, found, record = self.state, self.state.control[0], self.events, self.record
         m = self.plain._replace(first=self.problem.first, last=self.problem.last)
         parts, (attempt, *_) = self.bound
-        signal = self.room.signal[0]
+        signal = self.work.signal[0]
         invoke(attempt, 0.0, signal, signal, signal)
         code, done = int(signal[0]), 0
         if code == stepper.ACCEPTED:
-            code, h, kind, start = stepper.FULL, float(numbers[stepper.STEP]), int(numbers[stepper.SINGULAR]), float(numbers[stepper.TIME])
+            code, h, kind, start = stepper.FULL, float(control.step), int(control.singular), float(control.time)
             share, surface = self._leaves(self._piece(start, h, bool(kind), state.y.copy(), self.values.copy()))
             if surface is not None and h * share <= 4.0 * math.ulp(start):
                 self._leave(surface)
                 return code, 0
-            stepper.fit_polynomial(parts.nodes, kind, h, self.values, self.room.polynomial)
-            theta, done = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.room.polynomial), share), 1
+            stepper.fit_polynomial(parts.nodes, kind, h, self.values, self.work.polynomial)
+            theta, done = events.first_crossing(m, found, events.Step(start, h, kind, state.y, self.work.polynomial), share), 1
             if theta > 1.0 and surface is None:
                 stepper.keep(parts, record, 0, 1.0)
                 stepper.accept(parts)
@@ -271,9 +268,9 @@ class Integration:
                 status = stepper.to_event(m, found, parts, record, 0, theta)
                 code = {events.PASSED: stepper.FULL, events.TERMINAL: stepper.STOPPED, events.RESTING: stepper.AT_REST}[status]
                 if record.leapt[0]:
-                    t = float(numbers[stepper.TIME])
+                    t = float(control.time)
                     self._set_surfaces([] if state.jump.any() else [surface for surface in self.surfaces if surface.holds(self._one_side, t, state.y)])
-                    numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
+                    control.singular = self.remembers and not self.surfaces
                 elif surface is not None:
                     self._leave(surface)
         return code, done
@@ -298,8 +295,8 @@ class Integration:
 
     def _fades(self) -> bool:
         """Whether what needs steps below the floor has just begun, and a deeper sum can be had."""
-        numbers, deeper = self.state.numbers, self.depth + 1
-        if deeper == len(DEPTHS) or numbers[stepper.TIME] - numbers[stepper.JUMPED] > 1e4 * self.problem.floor:
+        control, deeper = self.state.control[0], self.depth + 1
+        if deeper == len(DEPTHS) or control.time - control.last_jump > 1e4 * self.problem.floor:
             return False
         if not self.remembers or self._deepens:
             return True
@@ -316,39 +313,39 @@ class Integration:
         done = self.segments.pop(0)
         if not self.segments:
             return False
-        numbers, segment = self.state.numbers, self.segments[0]
+        control, segment = self.state.control[0], self.segments[0]
         self.problem, self.bound = self.problem._replace(end=segment.end, first=segment.first, last=segment.last), None
         if self.approaching:
             self.approaching = False
-            numbers[stepper.TRIED] = 0.3 * done.length if isinstance(done, Approach) else 0.0
+            control.tried = 0.3 * done.length if isinstance(done, Approach) else 0.0
             self._look()
             return True
         contact, self.contact = self.contact, None
         if contact is not None and self._slide(contact):
             self.beyond = None
             return True
-        self._begin(0.5 * (segment.end - float(numbers[stepper.TIME])))
+        self._begin(0.5 * (segment.end - float(control.time)))
         if self.beyond is not None:  # differences across the jump are no derivatives
-            h = float(numbers[stepper.STEP])
+            h = float(control.step)
             place = self.state.y + 1e-4 * h * self.beyond
-            here, t = self._one_side(float(numbers[stepper.TIME]), place), float(numbers[stepper.TIME])
+            here, t = self._one_side(float(control.time), place), float(control.time)
             for j in range(len(place)):
                 shifted = place.copy()
                 shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
                 self.state.jacobian[:, j] = (self._one_side(t, shifted) - here) / (shifted[j] - place[j])
-            numbers[stepper.KNOWN], self.beyond = 1.0, None
+            control.jacobian_known, self.beyond = True, None
         return True
 
     def _begin(self, most: float) -> None:
         """Start anew here: fun changes, the state does not jump."""
-        numbers = self.state.numbers
+        control = self.state.control[0]
         if self.surfaces:  # else the way to where it stays counts as an error of the step
-            t = float(numbers[stepper.TIME])
+            t = float(control.time)
             self.state.y[:] = _sliding.balanced(self.surfaces, self._one_side, self._pull(t), t, self.state.y)
-        numbers[stepper.SMOOTH] = numbers[stepper.KNOWN] = numbers[stepper.REFUSED] = 0.0
-        numbers[stepper.SINGULAR] = float(self.remembers and not self.surfaces)
-        numbers[stepper.JUMPED] = numbers[stepper.TIME]
-        numbers[stepper.STEP] = min(float(numbers[stepper.FIRST]), most)
+        control.smooth, control.jacobian_known, control.refusals = False, False, 0.0
+        control.singular = self.remembers and not self.surfaces
+        control.last_jump = control.time
+        control.step = min(float(control.first_step), most)
 
     def _near(self, sizes: Floats) -> Floats:
         """How far the state may be from a surface that it was to reach: the error of a step, or what rates of `sizes` move in the shortest one."""
@@ -365,7 +362,7 @@ class Integration:
 
     def _slide(self, jump: Floats) -> bool:
         """Go on along the surface on which fun has that jump; False if it is not near enough or fun does not jump."""
-        state, t, surface = self.state, float(self.state.numbers[stepper.TIME]), self._surface(jump)
+        state, t, surface = self.state, float(self.state.control[0].time), self._surface(jump)
         if state.jump.any():  # a singular step would not see the layer
             return False
         found = surface.located(self._rate, t, state.y)
@@ -379,7 +376,7 @@ class Integration:
 
     def _crosses(self) -> bool:
         """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
-        t, y, floor = float(self.state.numbers[stepper.TIME]), self.state.y, self.problem.floor
+        t, y, floor = float(self.state.control[0].time), self.state.y, self.problem.floor
         pull = self._pull(t)
         try:
             velocity = self._rate(t, y) + pull
@@ -414,14 +411,14 @@ class Integration:
         pieces = self.trace.pieces[-CREEP:]
         since, newest = pieces[0].start, pieces[-1]
         short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
-        if len(pieces) == CREEP and short and since >= self.state.numbers[stepper.JUMPED] and self.beyond is None:
+        if len(pieces) == CREEP and short and since >= self.state.control[0].last_jump and self.beyond is None:
             raise SolverError(SLIDING.format(since))
         for k, old in enumerate(self.surfaces):
             new = self._surface(old.jump)
-            found = old.located(self._one_side, float(self.state.numbers[stepper.TIME]), self.state.y)
+            found = old.located(self._one_side, float(self.state.control[0].time), self.state.y)
             if found is not None and not 0.25 < np.abs(new.half).max() / np.abs(old.half).max() < 4.0:
                 self.state.y[:] += found[0] * (old.half - new.half)
-                self.surfaces[k], self.state.numbers[stepper.KNOWN] = new, 0.0
+                self.surfaces[k], self.state.control[0].jacobian_known = new, False
 
     def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
         """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
@@ -453,10 +450,10 @@ class Integration:
 
     def _look(self) -> bool:
         """Look for a jump of fun in what was tried last; if there is one, end the segment there: whether it was found."""
-        state, numbers, problem = self.state, self.state.numbers, self.problem
-        t, window = float(numbers[stepper.TIME]), float(min(numbers[stepper.TRIED], problem.end - numbers[stepper.TIME]))
+        state, control, problem = self.state, self.state.control[0], self.problem
+        t, window = float(control.time), float(min(control.tried, problem.end - control.time))
         self.looks = (t, self.looks[1] + 1 if self.looks[0] == t else 1)
-        if numbers[stepper.SMOOTH] == 0.0 or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
+        if not control.smooth or not self.trace.pieces or window <= 0.0 or self.looks[1] > PATIENCE:
             return False
         piece, y, slope = self.trace.pieces[-1], state.y.copy(), state.rate.copy()
         scale = np.maximum(problem.atol + problem.rtol * np.abs(y), 1e-300)
@@ -516,17 +513,17 @@ class Integration:
             self.segments[:1] = [Segment(high, rest.first, rest.last), Segment(rest.end, rest.first, rest.last)]
         segment = self.segments[0]
         self.problem, self.bound = problem._replace(end=segment.end, last=segment.last), None
-        numbers[stepper.STEP] = max(float(numbers[stepper.STEP]), 0.5 * float(numbers[stepper.TRIED]))
+        control.step = max(float(control.step), 0.5 * float(control.tried))
         return True
 
     def _reason(self, code: int) -> str:
-        numbers, t = self.state.numbers, self.state.numbers[stepper.TIME]
+        control, t = self.state.control[0], self.state.control[0].time
         if code == stepper.TOO_MANY:
             return f"more than max_steps = {self.task.max_steps} steps at t = {t:.6g}"
         if code == stepper.TROUBLE:
             return events.trouble(self.events)
         if code == stepper.NOT_FINITE:
-            return f"fun was not finite in component {int(numbers[stepper.WHAT])} at t = {numbers[stepper.WHERE]:.6g}"
+            return f"fun was not finite in component {int(control.failed_component)} at t = {control.failed_time:.6g}"
         if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
         return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
@@ -540,7 +537,7 @@ class Integration:
     def _keep(self, done: int) -> None:
         """Append recorded steps and events to the trace."""
         trace, record, state = self.trace, self.record, self.state
-        times, states = nodes(record, 0, done, float(state.numbers[stepper.TIME]), state.y)
+        times, states = nodes(record, 0, done, float(state.control[0].time), state.y)
         trace.times.extend(times.tolist())
         trace.states.extend(states)
         trace.pieces.extend(self.pieces(0, done))
@@ -566,7 +563,7 @@ class Integration:
 
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""
-        state, t = self.state, float(self.state.numbers[stepper.TIME])
+        state, t = self.state, float(self.state.control[0].time)
         found = surface.located(self._one_side, t, state.y)
         self._set_surfaces([other for other in self.surfaces if other is not surface])
         self._begin(0.5 * (self.segments[0].end - t))
@@ -580,13 +577,13 @@ class Integration:
             shifted = place.copy()
             shifted[j] += shift
             state.jacobian[:, j] = (self._rate(t, shifted) - here) / (shifted[j] - place[j])
-        state.numbers[stepper.KNOWN] = 1.0
+        state.control[0].jacobian_known = True
 
     def _memory(self, t: float) -> Floats:
         """H of the components in memory at t, had nothing happened since the step's start."""
         result = np.zeros(len(self.task.memory))
         if self.tail is not None:
-            lag = t - float(self.state.numbers[stepper.TIME])
+            lag = t - float(self.state.control[0].time)
             weights = self.tail.weights * np.exp(-self.tail.rates * lag)
             log_stretch = log_stretch_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
             if log_stretch > -math.inf:

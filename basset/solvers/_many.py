@@ -41,20 +41,20 @@ class Columns(NamedTuple):
 
 
 def _make_march_many(digest: str) -> Callable[..., Any]:
-    def march_many(attempt, watch, watching, p, motion, found, start, step, most, record, columns, first):
-        """Solve systems from number `first` on until the record is full: the number of the first one that is not done.
+    def march_many(attempt, watch, watching, p, motion, found, start, most, record, columns, first):
+        """Solve systems from number `first` on, each from `start`, until the record is full: the number of the first one that is not done.
 
         Where a system needs more than steps and events its code says so: nothing of it is recorded.
         """
         digest  # noqa: B018 - part of the cache key
-        state, numbers, problem = p.state, p.state.numbers, p.problem
+        state, control, problem = p.state, p.state.control[0], p.problem
         done, j = 0, first
         while j < len(columns.codes):
             begun, logged = done, found.logged[0]
             for k in range(columns.tables.shape[0]):
                 for a in range(columns.arguments.shape[1]):
                     columns.tables[k, a] = columns.arguments[j, a]
-            stepper.set_out(numbers, start, step, len(problem.where) > 0)
+            state.control[0] = start[0]
             for a in range(len(state.y)):
                 state.y[a], state.rate[a] = columns.y0[j, a], 0.0
             for a in range(len(motion.held)):
@@ -76,10 +76,10 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
                 code, taken = stepper.advance(attempt, watch, watching, p, record, done)
                 if taken:
                     done += 1
-            columns.codes[j], columns.calls[j] = code, numbers[stepper.CALLS]
+            columns.codes[j], columns.calls[j] = code, control.calls
             if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
                 done, found.logged[0] = begun, logged
-            columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], numbers[stepper.TIME]
+            columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], control.time
             for a in range(len(state.y)):
                 columns.y[j, a] = state.y[a]
             j += 1
@@ -137,12 +137,12 @@ class Block:
             arguments, one.arguments, codes, whole(), whole(), whole(), np.zeros(count), np.zeros((count, len(first.y0))),
         )  # fmt: skip
         found, motion = placed(one.events), placed(one.free)
-        step = min(one.problem.limit, one.problem.span / 64.0)
+        start = one.state.control.copy()
         results: list[Solution] = []
         while len(results) < count:
             begun = len(results)
             one.events.logged[0] = 0
-            end = march_many(attempt, watch, watching, parts, motion, found, first.start, step, most, record, placed(columns), begun)
+            end = march_many(attempt, watch, watching, parts, motion, found, start, most, record, placed(columns), begun)
             step_from = log_from = 0
             for j in range(begun, end):
                 step_to, log_to = int(columns.steps[j]), int(columns.logged[j])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -17,6 +18,7 @@ from basset.spectrum import Following, slip_table
 
 QUADRATURE = 48
 DECAYED = 40.0  # e^(−40) is below rounding
+TOGETHER = 8  # step sizes whose tables are made at once: what that takes stays in the cache
 LOCAL_LOW, LOCAL_STEP, LOCAL_POINTS = math.log(1e-13), 0.25, 180
 
 
@@ -114,39 +116,41 @@ def history_between(count: int, kernel: Kernel) -> Floats:
     return singular_history(stages, kernel, stages.between**2)
 
 
-def moments(stages: Stages, rates: Floats, h: float, theta: float, singular: bool) -> Floats:
-    """∫ e^(−λ(θh − s)) dy(s) over [0, θh] for each term and node: (term, node), node values of y' or of y − y_n.
+def moments(stages: Stages, rates: Floats, sizes: Floats, singular: bool) -> Floats:
+    """∫ e^(−λ(h − s)) dy(s) over [0, h] for each rate λ with its own h, and node: (rate, node), node values of y' or of y − y_n.
 
     Fast terms see only the end of the interval: its last 40 decay times are integrated there.
     """
     x, w = gauss_legendre(QUADRATURE)
-    z = rates * h * theta
+    z = rates * sizes
     share = np.minimum(1.0, DECAYED / z)[:, None]  # of θ
     if singular:  # in σ, from where the decay begins to matter
         low = np.sqrt(np.maximum(0.0, 1.0 - share))
         width = share / (1.0 + low)  # 1 − low without cancellation
-        position = 1.0 - width * x  # σ/√θ
-        factor = width * w * math.sqrt(theta) * np.exp(-z[:, None] * (1.0 - position) * (1.0 + position))
-        basis = stages.singular.slopes(position * math.sqrt(theta))[..., 1:]
+        position = 1.0 - width * x
+        factor = width * w * np.exp(-z[:, None] * (1.0 - position) * (1.0 + position))
+        basis = stages.singular.slopes(position)[..., 1:]
     else:
-        position = 1.0 - share * x
-        factor = share * w * h * theta * np.exp(-z[:, None] * share * x)
-        basis = stages.regular.values(position * theta)
+        factor = share * w * sizes[:, None] * np.exp(-z[:, None] * share * x)
+        basis = stages.regular.values(1.0 - share * x)
     return np.asarray(np.einsum("tq,tqj->tj", factor, basis))
 
 
-@lru_cache(maxsize=512)
-def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, h: float, singular: bool) -> tuple[Floats, ...]:
-    """What the loop needs for one step size: past, decay, moments, local; for a singular step also kernel, between_…."""
-    stages, scaled, root = stages_of(count), kernel.scaled(h), math.sqrt(h)
-    past = tail.weights * np.exp(-np.outer(stages.c * h, tail.rates))
-    decay, gained = np.exp(-tail.rates * h), moments(stages, tail.rates, h, 1.0, singular)
+def step_tables(count: int, tail: ExponentialSum, kernel: Kernel, sizes: Sequence[float], singular: bool) -> tuple[Floats, ...]:
+    """What the loop needs for some step sizes, one row each: past, decay, moments, local; for singular steps also kernel, between_…."""
+    stages, scaled = stages_of(count), [kernel.scaled(size) for size in sizes]
+    h = np.array(sizes)[:, None]
+    root, kind = np.sqrt(h)[..., None], int(singular)
+    past = tail.weights * np.exp(-(stages.c * h)[..., None] * tail.rates)
+    decay = np.exp(-tail.rates * h)
+    gained = moments(stages, np.tile(tail.rates, len(h)), np.repeat(h[:, 0], len(tail)), singular).reshape(len(h), len(tail), count).swapaxes(1, 2)
+    local = np.array([local_history(count, one)[kind] for one in scaled])
     if not singular:
-        return past, decay, gained.T, root * local_history(count, scaled)[0]
+        return past, decay, gained, root * local
     places = stages.between**2
-    between = tail.weights * np.exp(-np.outer(places * h, tail.rates))
     values = kernel._values(stages.c * h), kernel._values(places * h)
-    return past, decay, gained.T, local_history(count, scaled)[1] / root, *values, between, history_between(count, scaled) / root
+    between = tail.weights * np.exp(-(places * h)[..., None] * tail.rates)
+    return past, decay, gained, local / root, *values, between, np.array([history_between(count, one) for one in scaled]) / root
 
 
 @lru_cache(maxsize=32)
@@ -160,7 +164,7 @@ def nodes_of(count: int) -> stepper.Nodes:
 
 
 class StepTables:
-    """The tables of all step sizes span·2^(−rung/8) down to `floor`, for one sum of exponentials; made as they are asked for, never changed."""
+    """The tables of all step sizes span·2^(−rung/8) down to `floor`, for one sum of exponentials; made as they are asked for or all at once, never changed."""
 
     def __init__(self, count: int, tail: ExponentialSum | None, kernel: Kernel, floor: float, span: float) -> None:
         self.count, self.tail, self.kernel, self.floor, self.span = count, tail, kernel, floor, span
@@ -187,30 +191,34 @@ class StepTables:
         """Room for one step size that is on no rung: every integration needs its own."""
         return self._empty(1, moments=False)
 
-    def fill(self, odd: stepper.Tables, numbers: Floats) -> None:
+    def fill(self, odd: stepper.Tables, control: Any) -> None:
         """Make the tables that the stepper asks for; on a rung every thread makes the same."""
-        h, slot, kind = float(numbers[stepper.STEP]), int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])
-        tables = odd if slot < 0 else self.tables
-        slot = max(0, slot)
-        if self.tail is not None:
-            past, decay, gained, local, *singular = step_tables(self.count, self.tail, self.kernel, h, bool(kind))
-            tables.past[slot, kind], tables.local[slot, kind] = past, local
-            if tables is not odd:
-                tables.decay[slot], tables.moments[slot, kind] = decay, gained
-            if kind:
-                tables.kernel[slot], tables.between_kernel[slot], tables.between_past[slot], tables.between_local[slot] = singular
-        if tables is odd:
-            tables.sizes[slot] = 0.0  # of the other kind there is a part of another size
-        tables.sizes[slot, kind] = h  # last: it says that the rest is there
+        h, rung, kind = float(control.step), int(control.rung), int(control.singular)
+        if rung >= 0:
+            self._make(self.tables, range(rung, rung + 1), [h], kind)
+        else:
+            self._make(odd, range(1), [h], kind)
+            odd.sizes[0, 1 - kind] = 0.0  # of the other kind there is a part of another size
 
     def fill_all(self) -> None:
         """Make the tables of all rungs: then any number of threads run without returning for one."""
-        numbers, odd = stepper.start_numbers(0.0, 0.0, False), self.odd()
-        for slot in range(len(self.tables.sizes)):
+        rungs = len(self.tables.sizes)
+        for low in range(0, rungs if self.tables.sizes.min() == 0.0 else 0, TOGETHER):
+            chosen = range(low, min(low + TOGETHER, rungs))
             for kind in range(2):
-                if self.tables.sizes[slot, kind] == 0.0:
-                    numbers[stepper.STEP], numbers[stepper.SLOT], numbers[stepper.SINGULAR] = self.span * 2.0 ** (-slot / stepper.LADDER), slot, kind
-                    self.fill(odd, numbers)
+                self._make(self.tables, chosen, [self.span * 2.0 ** (-rung / stepper.LADDER) for rung in chosen], kind)
+
+    def _make(self, tables: stepper.Tables, rungs: range, sizes: list[float], kind: int) -> None:
+        """Make the tables of one kind for these sizes."""
+        rows = slice(rungs.start, rungs.stop)
+        if self.tail is not None:
+            past, decay, gained, local, *singular = step_tables(self.count, self.tail, self.kernel, sizes, bool(kind))
+            tables.past[rows, kind], tables.local[rows, kind] = past, local
+            if tables is self.tables:
+                tables.decay[rows], tables.moments[rows, kind] = decay, gained
+            if kind:
+                tables.kernel[rows], tables.between_kernel[rows], tables.between_past[rows], tables.between_local[rows] = singular
+        tables.sizes[rows, kind] = sizes  # last: it says that the rest is there
 
 
 @lru_cache(maxsize=16)

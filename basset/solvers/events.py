@@ -17,7 +17,6 @@ from basset.kernels import Floats
 from basset.solvers.base import Task, returned
 from basset.spectrum import Following, log_stretch_of, weight_ratio
 
-CALLS, WHERE, WHAT = 7, 10, 11  # places in State.numbers, as in `stepper`
 CLEAR = 64.0  # roundings: an event function farther from zero than that has a sign
 HALVINGS = 6  # of a step, at most, until an interpolant follows an event function
 FOLLOWED = 1e-10  # to this share of its size
@@ -75,7 +74,7 @@ class Events(NamedTuple):
 
 class Motion(NamedTuple):
     """What happens around events: fun, event functions, jumps; the members' places, coefficients, and those without bodies at rest; their
-    memory as a sum of exponentials from the step's start `now` on; components at rest; the times within which fun is asked; the span.
+    memory as a sum of exponentials from the step's start on; components at rest; the times within which fun is asked; the span.
     """
 
     fun: Any
@@ -89,7 +88,8 @@ class Motion(NamedTuple):
     rates: Floats
     past: Floats
     jump: Floats
-    numbers: Floats
+    start: Floats  # (1,): of the step
+    calls: Any  # (1,): of fun
     held: Any
     first: float
     last: float
@@ -163,7 +163,7 @@ def free_rate(m: Motion, events: Events, t: float, y: Floats, out: Floats) -> No
     copy(y, m.rows[0])
     now = min(max(t, m.first), m.last)
     call(m.fun, now, m.rows, 0, m.rows, 1, m.own)
-    m.numbers[CALLS] += 1.0
+    m.calls[0] += 1
     for a in range(len(y)):
         out[a] = m.rows[1, a]
         if not math.isfinite(out[a]):
@@ -173,7 +173,7 @@ def free_rate(m: Motion, events: Events, t: float, y: Floats, out: Floats) -> No
 @separate
 def subtract_memory(m: Motion, t: float, y: Floats, strength: Floats, rate: Floats) -> None:
     """Rate − strength·H in place, H at t in the states y if nothing has happened since the step's start; uses row 8."""
-    lag, follows = t - m.numbers[0], len(m.following.values) > 0
+    lag, follows = t - m.start[0], len(m.following.values) > 0
     copy(y, m.rows[8])
     log_stretch = log_stretch_of(m.following, m.where, m.rows, 8) if follows else -math.inf
     for a in range(len(m.where)):

@@ -75,7 +75,7 @@ class _Grid(Method):
             integration.run(made.functions, made.jumps, made.calls)
         finally:
             if is_compiled(task.function):  # others are counted by the task
-                task.nfev += int(integration.state.numbers[events.CALLS])
+                task.nfev += int(integration.state.numbers[_fixed.CALLS])
 
 
 def hermite(start: float, length: float, states: Floats, rates: Floats) -> Piece:
@@ -114,6 +114,7 @@ class _Integration:
     def run(self, functions: list[Any], jumps: list[Any], calls: Callbacks) -> None:
         """March to the end, or to what stops before."""
         task, trace, numbers, y = self.task, self.trace, self.state.numbers, self.state.y
+        called, leapt = (numbers[place : place + 1] for place in (_fixed.CALLS, _fixed.LEAPT))
         ahead = on_nodes(task, self.dt, self.count)
         stop = self._turn(*ahead.pop(0))
         self._begin()
@@ -122,13 +123,13 @@ class _Integration:
         found, after = events.events_of(task.events, len(y), 1), np.empty_like(y)
         m = events.Motion(
             self.equation.fun, events.entries(functions), events.entries(jumps), np.zeros(1), task.memory, task.coefficient, self.felt, np.ones(1),
-            np.zeros(1), np.zeros((len(self.felt), 1)), np.zeros(len(self.felt)), numbers, task.held, -math.inf, math.inf, task.end - task.start,
+            np.zeros(1), np.zeros((len(self.felt), 1)), np.zeros(len(self.felt)), np.zeros(1), called, task.held, -math.inf, math.inf, task.end - task.start,
             STAYS, np.zeros((9, len(y))),
         )  # fmt: skip
         self.look, _kept = self.equation.fun, None
         if task.events:
             earlier = np.zeros(len(self.felt) if self.kind == _fixed.SLIPS else 0)
-            self.look, _kept = _fixed.look_entry(_fixed.Look(m, found, self.samples.history, earlier, y, values, after, np.empty_like(y), self.dt))
+            self.look, _kept = _fixed.look_entry(_fixed.Look(m, found, self.samples.history, earlier, y, values, after, np.empty_like(y), self.dt, leapt))
         while numbers[_fixed.NODE] < self.count:
             first, before, rate = int(numbers[_fixed.NODE]), y.copy(), self.rate
             code = _fixed.steps(self._parts(stop), stop)
@@ -191,7 +192,7 @@ class _Integration:
         if code == TROUBLE:
             return events.trouble(found)
         if code == NOT_FINITE:
-            return f"fun was not finite in component {int(numbers[events.WHAT])} at t = {numbers[events.WHERE]:.6g}"
+            return f"fun was not finite in component {int(numbers[_fixed.WHAT])} at t = {numbers[_fixed.WHERE]:.6g}"
         if code == _fixed.DIVERGED:
             return f"steps of {self.dt:.3g} s diverge with {self.rule!r} at t = {t:.6g}: {SHORTER}"
         return f"the step's equation did not converge behind t = {t:.6g}: try a smaller dt"

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, entry, separate, shared
+from basset._compile import call, compiled, entry, record_type, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import all_at
@@ -27,9 +27,20 @@ from basset.streaming._loops import dot
 END, TABLE, FULL, ACCEPTED, TOO_SMALL, TOO_MANY, NOT_FINITE, AGAIN, SUSPECT, TROUBLE, STOPPED, AT_REST = range(12)
 LADDER = 8  # step sizes per octave: tables are kept by rung
 
-# places in State.numbers
-TIME, STEP, FIRST, JUMPED, SINGULAR, KNOWN, STEPS, CALLS, SLOT, ERROR, WHERE, WHAT, SMOOTH, REFUSED, TRIED, SCALE, BEFORE, GUESSED = range(18)
-NUMBERS = 18
+# of one integration: its steps and their control
+CONTROL = record_type(
+    "time", "step",  # its end so far, and the size of the next step
+    "first_step", "last_jump",  # size of the first step after the last jump, and when that was
+    "previous_step",  # size of a regular step before this one, else 0
+    "error", "tolerance_factor",  # of the step that was accepted last, over the tolerance
+    "refusals", "tried",  # fading count of regular steps that were too long, size of the last one
+    "failed_time", ("failed_component", "i8"),  # where fun was not finite
+    ("steps", "i8"), ("calls", "i8"),  # so far; of fun
+    ("rung", "i8"),  # of the step size, −1 if it is on none
+    ("singular", "?"),  # whether the next step is
+    ("smooth", "?"),  # whether the rates go on from the step before
+    ("jacobian_known", "?"), ("guess_known", "?"),
+)  # fmt: skip
 FULLY, DIAGONALLY = 10, 30  # iterations at most
 SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian
 
@@ -111,7 +122,7 @@ class Unit(NamedTuple):
 
 class State(NamedTuple):
     """What changes: states and their rates at the end of the step before (n,), exponentials (memory, terms), newest jump
-    (memory,), Jacobian (n, n) or its diagonal (1, n), and numbers.
+    (memory,), Jacobian (n, n) or its diagonal (1, n); steps and their control (1,), see CONTROL.
     """
 
     y: Floats
@@ -119,11 +130,11 @@ class State(NamedTuple):
     past: Floats
     jump: Floats
     jacobian: Floats
-    numbers: Floats
+    control: Any
 
 
-class Cut(NamedTuple):
-    """Rates of the exponentials, Gauss points and weights on [0, 1] and how many decay times count, for the moments of a cut step."""
+class Truncation(NamedTuple):
+    """Rates of the exponentials, Gauss points and weights on [0, 1] and how many decay times count, for the moments of a truncated step."""
 
     rates: Floats
     x: Floats
@@ -132,7 +143,7 @@ class Cut(NamedTuple):
     sums: Floats  # (stages + 1,), overwritten
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Work space of a march: all overwritten, but what the next step is guessed from."""
 
     signal: Floats  # (1, 2)
@@ -168,8 +179,8 @@ class Parts(NamedTuple):
     state: State
     values: Floats  # (stage, state): node values of the step that was found
     following: Following
-    cut: Cut
-    room: Room
+    truncation: Truncation
+    work: Workspace
 
 
 class Record(NamedTuple):
@@ -230,10 +241,10 @@ def substitute(matrix, order, vector):
 
 @separate
 def assemble(p: Parts, h: float, slot: int, kind: int) -> None:
-    """Newton's matrix, factored, the maps from the unknowns to y' and to y − y_n, and c·(memory before the step), into the room."""
-    problem, nodes, local, state, room = p.problem, p.nodes, chosen(p).local, p.state, p.room
+    """Newton's matrix, factored, the maps from the unknowns to y' and to y − y_n, and c·(memory before the step), into the work space."""
+    problem, nodes, local, state, work = p.problem, p.nodes, chosen(p).local, p.state, p.work
     count, n, m = len(nodes.c), len(state.y), len(problem.where)
-    lead, carry, matrix, jacobian = room.lead, room.carry, room.matrix, state.jacobian
+    lead, carry, matrix, jacobian = work.lead, work.carry, work.matrix, state.jacobian
     for i in range(count):
         for k in range(count):
             if kind == 1:
@@ -251,14 +262,14 @@ def assemble(p: Parts, h: float, slot: int, kind: int) -> None:
             for a in range(m):
                 place = problem.where[a]
                 matrix[i * n + place, k * n + place] += problem.strength[a] * local[slot, kind, i, k]
-    factor(matrix, room.order)
+    factor(matrix, work.order)
     memory_before(p, slot, kind)
 
 
 @separate
 def memory_before(p: Parts, slot: int, kind: int) -> None:
-    """c·(memory of all that came before the step) at the stages, into the room's force."""
-    problem, tables, state, force = p.problem, chosen(p), p.state, p.room.force
+    """c·(memory of all that came before the step) at the stages, into the work space's force."""
+    problem, tables, state, force = p.problem, chosen(p), p.state, p.work.force
     past, jump, before, kernel = state.past, state.jump, tables.past, tables.kernel
     for i in range(len(force)):
         for a in range(len(state.y)):
@@ -273,8 +284,8 @@ def memory_before(p: Parts, slot: int, kind: int) -> None:
 @shared
 def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float, float]:
     """One Newton correction of `unknown` and the states, in place: (its size, rounding, what the step missed before) over the tolerance."""
-    problem, state, room = p.problem, p.state, p.room
-    states, rates, residual, lead, carry, force = room.states, room.rates, room.residual, room.lead, room.carry, room.force
+    problem, state, work = p.problem, p.state, p.work
+    states, rates, residual, lead, carry, force = work.states, work.rates, work.residual, work.lead, work.carry, work.force
     count, n = states.shape
     missed = 0.0
     for i in range(count):
@@ -290,8 +301,8 @@ def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float, flo
             residual[i * n + place] += problem.strength[a] * total
         for a in range(n):
             scale = problem.atol + problem.rtol * (abs(state.y[a]) + abs(states[i, a])) + 1e-300
-            missed = max(missed, state.numbers[STEP] * abs(residual[i * n + a]) / scale)
-    substitute(room.matrix, room.order, residual)
+            missed = max(missed, state.control[0].step * abs(residual[i * n + a]) / scale)
+    substitute(work.matrix, work.order, residual)
     for i in range(count):
         for a in range(n):
             unknown[i, a] -= residual[i * n + a]
@@ -313,11 +324,11 @@ def correct(p: Parts, local: Floats, unknown: Floats) -> tuple[float, float, flo
 @separate
 def decay_error(p: Parts) -> float:
     """Local error of a regular step over the tolerance, from the decay of its Legendre coefficients."""
-    problem, nodes, state, values, h = p.problem, p.nodes, p.state, p.values, p.state.numbers[STEP]
+    problem, nodes, state, values, h = p.problem, p.nodes, p.state, p.values, p.state.control[0].step
     count, n = values.shape
     worst, atol, rtol = 0.0, problem.atol, problem.rtol
     y, rate, regular, weights, at_start = state.y, state.rate, nodes.regular, nodes.integral[count - 1], nodes.at_start
-    smooth, first = state.numbers[SMOOTH] == 1.0, nodes.c[0]
+    smooth, first = state.control[0].smooth, nodes.c[0]
     for a in range(n):
         end, oldest, older, before, last = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(count):
@@ -346,19 +357,19 @@ def defect_error(p: Parts) -> float:
     """∫ |y' − fun + c·H| over a singular step, over the tolerance, at places halfway between its nodes in σ, where it is largest; negative where
     fun is not finite.
     """
-    problem, nodes, tables, state, values, room, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.room, p.state.numbers
+    problem, nodes, tables, state, values, work, control = p.problem, p.nodes, chosen(p), p.state, p.values, p.work, p.state.control[0]
     count, n = values.shape
-    h, slot = numbers[STEP], max(0, int(numbers[SLOT]))
+    h, slot = control.step, max(0, control.rung)
     where, strength, past, jump, places, width = problem.where, problem.strength, state.past, state.jump, nodes.between, nodes.width
     kernel, local, before, slopes, y = tables.between_kernel[slot], tables.between_local[slot], tables.between_past[slot], nodes.between_slopes, state.y
-    basis, states, rates = nodes.between_values, room.states, room.rates
+    basis, states, rates = nodes.between_values, work.states, work.rates
     for i in range(count):
-        room.times[i] = numbers[TIME] + h * places[i] ** 2
+        work.times[i] = control.time + h * places[i] ** 2
         for a in range(n):
             states[i, a] = y[a]
             for k in range(count):
                 states[i, a] += basis[i, k] * values[k, a]
-    if not evaluate(p, room.times, states, rates, count):
+    if not evaluate(p, work.times, states, rates, count):
         return -1.0
     if len(p.following.values) > 0:
         for i in range(count):
@@ -389,14 +400,14 @@ def defect_error(p: Parts) -> float:
 @shared
 def chosen(p: Parts) -> Tables:
     """The tables of the step's size, at place max(0, slot)."""
-    return p.tables if p.state.numbers[SLOT] >= 0.0 else p.odd
+    return p.tables if p.state.control[0].rung >= 0 else p.odd
 
 
 @shared
 def choose(p: Parts) -> int:
     """Fix the size and table slot of the next step, −1 where it is on no rung: ACCEPTED, or END, TABLE, TOO_SMALL."""
-    numbers, problem, rungs, kind = p.state.numbers, p.problem, len(p.tables.sizes), int(p.state.numbers[SINGULAR])
-    left, h = problem.end - numbers[TIME], min(numbers[STEP], problem.limit)
+    control, problem, rungs, kind = p.state.control[0], p.problem, len(p.tables.sizes), int(p.state.control[0].singular)
+    left, h = problem.end - control.time, min(control.step, problem.limit)
     if left <= 0.0:
         return END
     slot = -1
@@ -413,7 +424,7 @@ def choose(p: Parts) -> int:
             h, slot = (left if left <= problem.limit else 0.5 * left), -1
     if (h < problem.floor and left > problem.floor) or slot >= rungs:
         return TOO_SMALL
-    numbers[STEP], numbers[SLOT] = h, slot
+    control.step, control.rung = h, slot
     if slot < 0 and len(p.unit.local) > 0 and p.odd.sizes[0, kind] != h:
         make_odd(p, h, kind)
     return ACCEPTED if chosen(p).sizes[max(0, slot), kind] == h else TABLE
@@ -422,7 +433,7 @@ def choose(p: Parts) -> int:
 @separate
 def make_odd(p: Parts, h: float, kind: int) -> None:
     """The tables of a step size on no rung."""
-    tables, unit, rates, nodes, root = p.odd, p.unit, p.cut.rates, p.nodes, math.sqrt(h)
+    tables, unit, rates, nodes, root = p.odd, p.unit, p.truncation.rates, p.nodes, math.sqrt(h)
     weights, between, count = unit.weights, nodes.between, len(nodes.c)
     for i in range(count):
         tables.kernel[0, i], tables.between_kernel[0, i] = 1.0 / math.sqrt(nodes.c[i] * h), 1.0 / (between[i] * root)
@@ -438,18 +449,18 @@ def make_odd(p: Parts, h: float, kind: int) -> None:
 
 
 @shared
-def next_step(problem: Problem, numbers: Floats, h: float, count: int) -> float:
+def next_step(problem: Problem, control: Any, h: float, count: int) -> float:
     """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
-    size: float = h * min(2.0, max(0.3, 0.9 * max(numbers[ERROR], 1e-10) ** (-1.0 / (count + 1))))
-    since = numbers[TIME] - numbers[JUMPED]
+    size: float = h * min(2.0, max(0.3, 0.9 * max(control.error, 1e-10) ** (-1.0 / (count + 1))))
+    since = control.time - control.last_jump
     return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
 
 
 @shared
 def keep(p: Parts, record: Record, done: int, share: float) -> None:
     """Record the step that was found, of which that share is taken; before it is taken."""
-    numbers, values, y = p.state.numbers, p.values, p.state.y
-    record.start[done], record.size[done], record.kind[done], record.share[done] = numbers[TIME], numbers[STEP], numbers[SINGULAR], share
+    control, values, y = p.state.control[0], p.values, p.state.y
+    record.start[done], record.size[done], record.kind[done], record.share[done] = control.time, control.step, int(control.singular), share
     record.leapt[done] = 0.0
     start, nodal = record.y, record.values  # element by element: array assignment allocates
     for a in range(len(y)):
@@ -461,13 +472,13 @@ def keep(p: Parts, record: Record, done: int, share: float) -> None:
 @separate
 def accept(p: Parts) -> None:
     """Take the step that was found: move state and memory, choose the next size."""
-    problem, nodes, tables, state, values, numbers = p.problem, p.nodes, chosen(p), p.state, p.values, p.state.numbers
+    problem, nodes, tables, state, values, control = p.problem, p.nodes, chosen(p), p.state, p.values, p.state.control[0]
     count, n = len(values), len(state.y)
-    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    h, slot, kind = control.step, max(0, control.rung), int(control.singular)
     where, memory, jumps, moments, decays = problem.where, state.past, state.jump, tables.moments, tables.decay
-    if numbers[SLOT] < 0.0:
-        cut_memory(where, nodes, p.cut, state, h, 1.0, kind, values)
-    for a in range(len(where) if numbers[SLOT] >= 0.0 else 0):
+    if control.rung < 0:
+        truncate_memory(where, nodes, p.truncation, state, h, 1.0, kind, values)
+    for a in range(len(where) if control.rung >= 0 else 0):
         past, jump, place, decay = memory[a], 0.0, where[a], decays[slot]
         if kind == 1:
             jump, jumps[a] = jumps[a], 0.0
@@ -491,21 +502,21 @@ def accept(p: Parts) -> None:
                 gain += weights[k] * values[k, a]
             y[a] += h * gain
     if kind == 1:
-        numbers[FIRST] = h
-    numbers[BEFORE], numbers[GUESSED] = (0.0 if kind == 1 else h), 0.0
-    numbers[TIME] += h
-    if abs(problem.end - numbers[TIME]) <= 1e-12 * h + 1e-15 * abs(numbers[TIME]):  # an end may be infinite
-        numbers[TIME] = problem.end
-    numbers[STEPS] += 1.0
-    numbers[STEP] = next_step(problem, numbers, h, count)
-    numbers[SINGULAR], numbers[SMOOTH] = 0.0, 1.0
+        control.first_step = h
+    control.previous_step, control.guess_known = (0.0 if kind == 1 else h), False
+    control.time += h
+    if abs(problem.end - control.time) <= 1e-12 * h + 1e-15 * abs(control.time):  # an end may be infinite
+        control.time = problem.end
+    control.steps += 1
+    control.step = next_step(problem, control, h, count)
+    control.singular, control.smooth = False, True
 
 
 @shared
 def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int) -> bool:
     """`fun` at every row of `states`, nothing for what is at rest; whether all is finite: if not, when and in which component is noted."""
-    equation, problem, numbers = p.equation, p.problem, p.state.numbers
-    numbers[CALLS] += count
+    equation, problem, control = p.equation, p.problem, p.state.control[0]
+    control.calls += count
     for i in range(count):
         time = min(max(times[i], problem.first), problem.last)
         call(equation.fun, time, states, i, rates, i, equation.own)
@@ -514,7 +525,7 @@ def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int)
                 rates[i, a] = 0.0
         for a in range(len(p.state.y)):
             if not math.isfinite(rates[i, a]):
-                numbers[WHERE], numbers[WHAT] = time, a
+                control.failed_time, control.failed_component = time, a
                 return False
     return True
 
@@ -522,12 +533,12 @@ def evaluate(p: Parts, times: Floats, states: Floats, rates: Floats, count: int)
 @shared
 def evaluate_stages(p: Parts, h: float, slot: int, kind: int) -> bool:
     """The rates of all stages, including the difference of the memory to Basset's where the kernel follows the slip; whether all is finite."""
-    room, nodes = p.room, p.nodes
+    work, nodes = p.work, p.nodes
     count = len(nodes.c)
-    finite = evaluate(p, room.times, room.states, room.rates, count)
+    finite = evaluate(p, work.times, work.states, work.rates, count)
     if finite and len(p.following.values) > 0:
         for i in range(count):
-            exceed(p, room.states, i, nodes.c[i], kind, h, kind, chosen(p).past[slot, kind, i], room.rates)
+            exceed(p, work.states, i, nodes.c[i], kind, h, kind, chosen(p).past[slot, kind, i], work.rates)
     return finite
 
 
@@ -573,14 +584,14 @@ def exceed(p: Parts, states: Floats, i: int, place: float, which: int, h: float,
 @shared
 def newton(p: Parts) -> int:
     """Solve the stages: iterations, negative if it failed, 0 if fun was not finite."""
-    numbers, values, room, y = p.state.numbers, p.values, p.room, p.state.y
-    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    control, values, work, y = p.state.control[0], p.values, p.work, p.state.y
+    h, slot, kind = control.step, max(0, control.rung), int(control.singular)
     count, n = values.shape
     assemble(p, h, slot, kind)
     for i in range(count):
-        room.times[i] = numbers[TIME] + p.nodes.c[i] * h
+        work.times[i] = control.time + p.nodes.c[i] * h
         for a in range(n):
-            room.states[i, a], values[i, a] = y[a], 0.0
+            work.states[i, a], values[i, a] = y[a], 0.0
     previous, before = math.inf, 0.0
     follows = len(p.following.values) > 0  # which the matrix does not know
     for iteration in range(1, DIAGONALLY + 1 if follows else FULLY + 1):
@@ -604,10 +615,10 @@ def newton(p: Parts) -> int:
 @separate
 def differentiate(p: Parts) -> bool:
     """∂fun/∂y by forward differences at the step's start; whether it is finite."""
-    problem, state, room = p.problem, p.state, p.room
-    n, times, states, rates, jacobian = len(state.y), room.here_times, room.here, room.out, state.jacobian
+    problem, state, work = p.problem, p.state, p.work
+    n, times, states, rates, jacobian = len(state.y), work.here_times, work.here, work.out, state.jacobian
     for j in range(n + 1):
-        times[j] = state.numbers[TIME]
+        times[j] = state.control[0].time
         for a in range(n):
             states[j, a] = state.y[a]
     for j in range(n):
@@ -627,7 +638,7 @@ def solved_fully(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
         return
     iterations = newton(p)
     if abs(iterations) > 4:
-        p.state.numbers[KNOWN] = 0.0  # of another place by now
+        p.state.control[0].jacobian_known = False  # of another place by now
     out[0] = iterations
 
 
@@ -665,8 +676,8 @@ def invert(matrix: Floats, result: Floats) -> None:
 @shared
 def differentiate_diagonally(p: Parts) -> None:
     """The diagonal of the Jacobian by forward differences at the step's start, the same for those that are alike: one inverse for each kind."""
-    room, state, equation = p.room, p.state, p.equation
-    here, out, y, diagonal, time = room.here, room.out, state.y, state.jacobian[0], state.numbers[TIME]
+    work, state, equation = p.work, p.state, p.equation
+    here, out, y, diagonal, time = work.here, work.out, state.y, state.jacobian[0], state.control[0].time
     for a in range(len(y)):
         here[0, a] = here[1, a] = y[a]
     call(equation.fun, time, here, 0, out, 0, equation.own)
@@ -687,11 +698,11 @@ def differentiate_diagonally(p: Parts) -> None:
 @shared
 def predict(p: Parts, h: float, kind: int) -> None:
     """A first guess of the unknowns."""
-    numbers, c, y, values, room, state, equation = p.state.numbers, p.nodes.c, p.state.y, p.values, p.room, p.state, p.equation
-    problem, guess = p.problem, room.guess
+    control, c, y, values, work, state, equation = p.state.control[0], p.nodes.c, p.state.y, p.values, p.work, p.state, p.equation
+    problem, guess = p.problem, work.guess
     count, n = values.shape
-    if numbers[SMOOTH] == 1.0 and numbers[BEFORE] > 0.0:  # the polynomial of the step before, carried on
-        ratio = h / numbers[BEFORE]
+    if control.smooth and control.previous_step > 0.0:  # the polynomial of the step before, carried on
+        ratio = h / control.previous_step
         for i in range(count):
             x = 1.0 + 2.0 * c[i] * ratio
             for a in range(n):
@@ -702,15 +713,15 @@ def predict(p: Parts, h: float, kind: int) -> None:
                 for a in range(n):
                     values[i, a] += newer * guess[d, a]
         return
-    if numbers[SMOOTH] == 1.0:
+    if control.smooth:
         for i in range(count):
             for a in range(n):
                 values[i, a] = state.rate[a]
         return
-    here, out = room.here, room.out
+    here, out = work.here, work.out
     for a in range(n):
         here[0, a] = y[a]
-    call(equation.fun, numbers[TIME], here, 0, out, 0, equation.own)
+    call(equation.fun, control.time, here, 0, out, 0, equation.own)
     for i in range(count):
         for a in range(n):
             values[i, a] = c[i] * h * out[0, a] if kind == 1 else out[0, a]
@@ -722,22 +733,22 @@ def predict(p: Parts, h: float, kind: int) -> None:
 @shared
 def remember_rates(p: Parts) -> None:
     """Keep the polynomial of the rates in the step before, whose node values are still in their place, for the next first guess."""
-    numbers, values, guess, regular = p.state.numbers, p.values, p.room.guess, p.nodes.regular
+    control, values, guess, regular = p.state.control[0], p.values, p.work.guess, p.nodes.regular
     count, n = values.shape
-    if numbers[BEFORE] > 0.0 and numbers[GUESSED] == 0.0:
+    if control.previous_step > 0.0 and not control.guess_known:
         for d in range(count):
             for a in range(n):
                 total = 0.0
                 for k in range(count):
                     total += regular[d, k] * values[k, a]
                 guess[d, a] = total
-    numbers[GUESSED] = 1.0
+    control.guess_known = True
 
 
 @shared
 def factorise(p: Parts, h: float, slot: int, kind: int, first: int) -> None:
     """The inverse of each state's own stage matrix; states that nothing damps need none in a regular step."""
-    matrix, inverse, diagonal, strength = p.room.matrix, p.room.inverse, p.state.jacobian[0], p.problem.strength
+    matrix, inverse, diagonal, strength = p.work.matrix, p.work.inverse, p.state.jacobian[0], p.problem.strength
     local, slope, integral = chosen(p).local, p.nodes.slope, p.nodes.integral
     n, count, members = len(diagonal), len(p.nodes.c), len(strength)
     for a in range(n):
@@ -762,20 +773,20 @@ def factorise(p: Parts, h: float, slot: int, kind: int, first: int) -> None:
 @shared
 def iterate(p: Parts) -> int:
     """Solve the stages with the diagonal of the Jacobian: iterations, negative if it failed, 0 if fun was not finite."""
-    numbers, values, room, problem, equation = p.state.numbers, p.values, p.room, p.problem, p.equation
-    h, slot, kind = numbers[STEP], max(0, int(numbers[SLOT])), int(numbers[SINGULAR])
+    control, values, work, problem, equation = p.state.control[0], p.values, p.work, p.problem, p.equation
+    h, slot, kind = control.step, max(0, control.rung), int(control.singular)
     count, n = values.shape
     members = len(problem.where)
     first = problem.where[0] if members > 0 else n
     memory_before(p, slot, kind)
     factorise(p, h, slot, kind, first)
     predict(p, h, kind)
-    inverse, diagonal, force, y = room.inverse, p.state.jacobian[0], room.force, p.state.y
-    states, rates, right, integral = room.states, room.rates, room.residual, p.nodes.integral
-    atol, rtol = numbers[SCALE] * problem.atol, numbers[SCALE] * problem.rtol
+    inverse, diagonal, force, y = work.inverse, p.state.jacobian[0], work.force, p.state.y
+    states, rates, right, integral = work.states, work.rates, work.residual, p.nodes.integral
+    atol, rtol = control.tolerance_factor * problem.atol, control.tolerance_factor * problem.rtol
     idle = equation.idle if kind == 0 else 0  # they move nothing: they are integrated at the end
     for i in range(count):
-        room.times[i] = numbers[TIME] + p.nodes.c[i] * h
+        work.times[i] = control.time + p.nodes.c[i] * h
     previous = math.inf
     for iteration in range(DIAGONALLY):
         size, floor = 0.0, 0.0
@@ -834,7 +845,7 @@ def solved_diagonally(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
     remember_rates(p)
     iterations = iterate(p)
     if abs(iterations) > 8:
-        p.state.numbers[KNOWN] = 0.0
+        p.state.control[0].jacobian_known = False
     out[0] = iterations
 
 
@@ -844,53 +855,53 @@ diagonally_entry = entry(solved_diagonally, "some 3 s")
 @shared
 def judge(problem: Problem, state: State, error: float, power: float) -> int:
     """ACCEPTED or TOO_MANY; AGAIN after setting the next step to try, for an error that falls as step^power."""
-    numbers = state.numbers
+    control = state.control[0]
     if error <= 1.0:
-        if numbers[STEPS] >= problem.max_steps:
+        if control.steps >= problem.max_steps:
             return TOO_MANY
-        numbers[ERROR] = error
+        control.error = error
         return ACCEPTED
-    h = numbers[STEP]
-    numbers[STEP] = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
+    h = control.step
+    control.step = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
     return AGAIN
 
 
 @shared
 def attempt(p: Parts, solve: Any) -> int:
-    """Find the next step that keeps the tolerance, its stages solved by `solve`: node values into p.values, its size in numbers[STEP]; ACCEPTED or
+    """Find the next step that keeps the tolerance, its stages solved by `solve`: node values into p.values, its size in control.step; ACCEPTED or
     why not.
     """
-    numbers, count, signal = p.state.numbers, len(p.nodes.c), p.room.signal
+    control, count, signal = p.state.control[0], len(p.nodes.c), p.work.signal
     while True:
         code = choose(p)
         if code != ACCEPTED:
             return code
         iterations = -1
         for trial in range(2):
-            fresh = 1.0 if numbers[KNOWN] == 0.0 or trial == 1 else 0.0
-            numbers[KNOWN] = 1.0
+            fresh = 1.0 if not control.jacobian_known or trial == 1 else 0.0
+            control.jacobian_known = True
             call(solve, fresh, signal, 0, signal, 0, signal)
             iterations = int(signal[0, 0])
             if iterations >= 0:
                 break
         if iterations == 0:
             return NOT_FINITE
-        h, error, power = numbers[STEP], math.inf, float(count)
-        if iterations > 0 and numbers[SINGULAR] == 1.0:
+        h, error, power = control.step, math.inf, float(count)
+        if iterations > 0 and control.singular:
             power = 0.5 * (count + 1)
-            error = defect_error(p) / numbers[SCALE]
+            error = defect_error(p) / control.tolerance_factor
             if error < 0.0:
                 return NOT_FINITE
         elif iterations > 0:
-            error = decay_error(p) / numbers[SCALE]
+            error = decay_error(p) / control.tolerance_factor
         code = judge(p.problem, p.state, error, power)
         if code != AGAIN:
-            numbers[REFUSED] *= 0.5
+            control.refusals *= 0.5
             return code
-        if numbers[SINGULAR] == 0.0:
-            numbers[REFUSED] += 1.0
-            if numbers[REFUSED] > 1.7:  # the size from the error estimate failed twice: is fun smooth?
-                numbers[REFUSED], numbers[TRIED] = 0.0, h
+        if not control.singular:
+            control.refusals += 1.0
+            if control.refusals > 1.7:  # the size from the error estimate failed twice: is fun smooth?
+                control.refusals, control.tried = 0.0, h
                 return SUSPECT
 
 
@@ -935,16 +946,16 @@ def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
 
 
 @separate
-def cut_memory(where: Any, nodes: Nodes, cut: Cut, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
+def truncate_memory(where: Any, nodes: Nodes, truncation: Truncation, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
     """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
     count, members = len(nodes.c), len(where)
     basis = nodes.singular if kind == 1 else nodes.regular
     degrees = len(basis)
-    sums = cut.sums
-    rates, past, jump, nodes_x, nodes_w = cut.rates, state.past, state.jump, cut.x, cut.w
+    sums = truncation.sums
+    rates, past, jump, nodes_x, nodes_w = truncation.rates, state.past, state.jump, truncation.x, truncation.w
     for q in range(len(rates)):
         z = rates[q] * h * theta
-        share = min(1.0, cut.decayed / z) if z > 0.0 else 1.0
+        share = min(1.0, truncation.decayed / z) if z > 0.0 else 1.0
         low = math.sqrt(max(0.0, 1.0 - share))
         width = share / (1.0 + low) if kind == 1 else share
         for d in range(degrees):
@@ -986,37 +997,37 @@ def cut_memory(where: Any, nodes: Nodes, cut: Cut, state: State, h: float, theta
 
 
 @separate
-def cut_step(p: Parts, theta: float) -> None:
-    """Take the step that was found up to θ, its polynomial being in the room: state, memory and time."""
-    numbers, y, room, problem = p.state.numbers, p.state.y, p.room, p.problem
-    h, kind = numbers[STEP], int(numbers[SINGULAR])
-    all_at(room.polynomial, y, kind, theta, room.before)
+def truncate_step(p: Parts, theta: float) -> None:
+    """Take the step that was found up to θ, its polynomial being in the work space: state, memory and time."""
+    control, y, work, problem = p.state.control[0], p.state.y, p.work, p.problem
+    h, kind = control.step, int(control.singular)
+    all_at(work.polynomial, y, kind, theta, work.before)
     if theta > 0.0:
-        cut_memory(problem.where, p.nodes, p.cut, p.state, h, theta, kind, p.values)
+        truncate_memory(problem.where, p.nodes, p.truncation, p.state, h, theta, kind, p.values)
     if kind == 1 and theta > 0.05:
-        numbers[FIRST] = h
+        control.first_step = h
     for a in range(len(y)):
-        y[a] = room.before[a]
-    end = numbers[TIME] + h * theta
+        y[a] = work.before[a]
+    end = control.time + h * theta
     if theta == 1.0 and abs(problem.end - end) <= 1e-12 * h + 1e-15 * abs(problem.end):
         end = problem.end
-    numbers[TIME] = end
-    numbers[STEPS] += 1.0
-    numbers[SMOOTH] = numbers[BEFORE] = 0.0
+    control.time = end
+    control.steps += 1
+    control.smooth, control.previous_step = False, 0.0
 
 
 @shared
-def restart(problem: Problem, numbers: Floats, size: float) -> None:
+def restart(problem: Problem, control: Any, size: float) -> None:
     """Steps start small again, `size` at most, at a jump of the slip or of its rate."""
-    since = numbers[TIME] - numbers[JUMPED]
-    numbers[JUMPED] = numbers[TIME]
-    numbers[STEP] = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
-    numbers[SINGULAR], numbers[SMOOTH], numbers[KNOWN], numbers[BEFORE] = 1.0 if len(problem.where) > 0 else 0.0, 0.0, 0.0, 0.0
+    since = control.time - control.last_jump
+    control.last_jump = control.time
+    control.step = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
+    control.singular, control.smooth, control.jacobian_known, control.previous_step = len(problem.where) > 0, False, False, 0.0
 
 
-def cut(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
-    """`cut_step` at θ = t."""
-    cut_step(p, t)
+def truncated(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
+    """`truncate_step` at θ = t."""
+    truncate_step(p, t)
 
 
 def accepted(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
@@ -1024,28 +1035,28 @@ def accepted(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
     accept(p)
 
 
-cut_entry, accept_entry = entry(cut), entry(accepted)
+truncate_entry, accept_entry = entry(truncated), entry(accepted)
 
 
 @shared
 def to_event(m: Any, found: Any, p: Parts, record: Record, done: int, theta: float) -> int:
     """Take the step up to θ, where events happen, and start anew behind their jumps: PASSED, or why to stop."""
-    numbers, y, problem, state, room = p.state.numbers, p.state.y, p.problem, p.state, p.room
+    control, y, problem, state, work = p.state.control[0], p.state.y, p.problem, p.state, p.work
     keep(p, record, done, theta)
-    cut_step(p, theta)
-    end = numbers[TIME]
-    events.copy(room.before, record.before[done])
+    truncate_step(p, theta)
+    end = control.time
+    events.copy(work.before, record.before[done])
     leaps = False
     for j in range(found.count[0]):
         leaps = leaps or found.leaps[found.fired[j]]
-    status = events.fire(m, found, end, room.before, room.after, room.still, events.REST * problem.span)
+    status = events.fire(m, found, end, work.before, work.after, work.still, events.REST * problem.span)
     record.leapt[done] = 1.0 if leaps else 0.0
     if leaps:
         for a in range(len(problem.where)):  # to what has not been felt yet, without a flight
-            state.jump[a] += room.after[problem.where[a]] - room.before[problem.where[a]]
+            state.jump[a] += work.after[problem.where[a]] - work.before[problem.where[a]]
         for a in range(len(y)):
-            y[a] = record.after[done, a] = room.after[a]
-        restart(problem, numbers, numbers[FIRST])
+            y[a] = record.after[done, a] = work.after[a]
+        restart(problem, control, control.first_step)
     return status
 
 
@@ -1063,9 +1074,9 @@ def watched(given: Watch, t: float, y: Any, out: Any, own: Any) -> None:
     stop; out[1]: whether it was taken.
     """
     m, found, p = given.motion, given.found, given.parts
-    h, kind = p.state.numbers[STEP], int(p.state.numbers[SINGULAR])
-    fit_polynomial(p.nodes, kind, h, p.values, p.room.polynomial)
-    theta = events.first_crossing(m, found, events.Step(p.state.numbers[TIME], h, kind, p.state.y, p.room.polynomial), 1.0)
+    h, kind = p.state.control[0].step, int(p.state.control[0].singular)
+    fit_polynomial(p.nodes, kind, h, p.values, p.work.polynomial)
+    theta = events.first_crossing(m, found, events.Step(p.state.control[0].time, h, kind, p.state.y, p.work.polynomial), 1.0)
     status = events.PASSED
     out[0], out[1] = ACCEPTED, 0.0
     if theta <= 1.0:
@@ -1083,7 +1094,7 @@ watch_entry = entry(watched, "some 10 s")
 @shared
 def advance(attempt: Any, watch: Any, watching: bool, p: Parts, record: Record, done: int) -> tuple[int, bool]:
     """Find the next step, number `done` of the record, and take it up to where something cuts it: (ACCEPTED, FULL at a cut, or why not; whether taken)."""
-    signal = p.room.signal
+    signal = p.work.signal
     call(attempt, 0.0, signal, 0, signal, 0, signal)
     code, taken = int(signal[0, 0]), False
     if code == ACCEPTED and watching:
@@ -1119,7 +1130,7 @@ def _make_march(digest: str) -> Callable[..., Any]:
 march = compiled(_make_march, allocates=False, usually="some 5 s")
 
 
-def room(stages: int, states: int, diagonal: bool = False) -> Room:
+def workspace(stages: int, states: int, diagonal: bool = False) -> Workspace:
     """Work space of one march."""
     n = states
     whole = stages if diagonal else stages * n
@@ -1130,21 +1141,14 @@ def room(stages: int, states: int, diagonal: bool = False) -> Room:
         "still": (n,),
     }  # fmt: skip
     arrays: dict[str, Any] = {name: np.zeros(shape, dtype=np.int64 if name == "order" else np.float64) for name, shape in shapes.items()}
-    return Room(**arrays)
+    return Workspace(**arrays)
 
 
-@shared
-def set_out(numbers: Floats, start: float, step: float, singular: bool) -> None:
-    """Set the numbers of a state at the start."""
-    for k in range(len(numbers)):
-        numbers[k] = 0.0
-    numbers[TIME] = numbers[JUMPED] = start
-    numbers[STEP] = numbers[FIRST] = step
-    numbers[SINGULAR], numbers[SCALE] = 1.0 if singular else 0.0, 1.0
-
-
-def start_numbers(start: float, step: float, singular: bool) -> Floats:
-    """The numbers of a state at the start."""
-    numbers = np.zeros(NUMBERS)
-    set_out(numbers, start, step, singular)
-    return numbers
+def start_control(start: float, step: float, singular: bool) -> Any:
+    """The steps' record (1,) at the start."""
+    control = np.zeros(1, dtype=CONTROL)
+    first = control[0]
+    first.time = first.last_jump = start
+    first.step = first.first_step = step
+    first.singular, first.tolerance_factor = singular, 1.0
+    return control

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from basset import _validate
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
-from basset.streaming import jumps
+from basset.streaming.jumps import WithJumps
 from basset.streaming.state import Array, State, Tables, beyond, owned, sample_of
 from basset.weights.polynomials import lagrange
 from basset.weights.table import TABLES, Recipe, WeightTable, filtered_by, table
@@ -34,7 +34,7 @@ from basset.weights.table import TABLES, Recipe, WeightTable, filtered_by, table
 LONG_WINDOW = 256  # from here on a whole path is convolved by FFT
 
 
-class Plan:
+class Plan(WithJumps):
     """A rule made ready to stream with one step size; create it with `rule.plan(dt, horizon, kernel)`.
 
     Parameters
@@ -88,10 +88,9 @@ class Plan:
         self.recipe, self.dt, self.kernel, self.tail_sum = recipe, dt, kernel, recipe.tail
         self.unit = kernel.scaled(dt)
         endless = recipe.window is not None and (recipe.tail is None or math.isinf(recipe.tail.far))
-        self.steps: int | None = None if endless else steps
-        self.rates: Floats = np.empty(0)  # per step
-        self.tail_weights: Floats = np.empty(0)  # of the unit-step kernel
-        self.fixed_terms: Floats = np.empty((0, 0))  # what the fixed weights already hold of each exponential
+        self.steps = None if endless else steps
+        self.rates = self.tail_weights = np.empty(0)
+        self.fixed_terms = np.empty((0, 0))
         weights, root = table(recipe.stencil, self.unit, "rate"), math.sqrt(dt)
         fixed: Floats = np.empty(0)
         entering: list[Floats] = [np.empty(0), np.empty(0), np.empty((0, 0))]  # loss, gains, entry
@@ -351,7 +350,7 @@ class Plan:
             one step before the first sample, or exceeds dt where g is given.
         """
         self._own(state)
-        jumps.remember(self, state, delta, age, g)
+        self._take_jump(state, delta, age, g)
 
     def trajectory(self, rates: Floats) -> Floats:
         """H at every node of one segment for rates (nodes, components): `run` in O(n log n), by FFT where the window is long.
@@ -404,7 +403,7 @@ class Plan:
         array([1.    , 0.7071, 0.    ])
         """
         lags = np.arange(1.0, count + 1.0)
-        result = jumps.excess(self, lags)
+        result = self._excess(lags)
         for weight, rate in zip(self.tail_weights, self.rates, strict=True):
             result += weight * np.exp(-rate * lags)
         return np.asarray(result / math.sqrt(self.dt))

@@ -18,7 +18,6 @@ import numpy as np
 import saltation
 from basset import measure
 from basset.kernels import Floats
-from basset.solvers import stepper
 from bench import hand_written
 from bench.grains import at_fixed_steps, base, changed
 from saltation.flight import layout
@@ -73,7 +72,7 @@ def fly(engine: Engine, jumps: int) -> tuple[Grain, Floats]:
     grain, table = Grain(engine), np.zeros((jumps, len(layout.COLUMNS)))
     code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
     if code not in (layout.JUMPS, layout.CROWDED):
-        raise RuntimeError(f"the flight ended with {code} after {int(grain.flight[layout.TAKEN])} jumps")
+        raise RuntimeError(f"the flight ended with {code} after {grain.flight[0].taken} jumps")
     return grain, table
 
 
@@ -110,14 +109,14 @@ def costs(rounds: int) -> dict[str, Any]:
     rows = []
     for name, engine in engines.items():
         grain, table = fly(engine, JUMPS)
-        numbers = grain.state.numbers
+        control = grain.state.control[0]
         rows.append(
             {
                 "scene": name,
                 "rtol": scenes[name][1],
                 "seconds": times[name] / JUMPS,
-                "steps": numbers[stepper.STEPS] / JUMPS,
-                "calls": numbers[stepper.CALLS] / JUMPS,
+                "steps": int(control.steps) / JUMPS,
+                "calls": int(control.calls) / JUMPS,
                 "stages": engine.tables.count,
                 "terms": len(engine.rates),
                 "states": engine.states,

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from basset.solvers import stepper
 from bench.grains import changed, rounded
 from saltation.flight import layout
 from saltation.flight.cloud import Cloud, starts
@@ -61,7 +60,7 @@ class Timed:
         begin = time.perf_counter()
         code = UNTIL
         for code, _ in self.cloud.advance(self.clock + span, self.samples):  # noqa: B007 - the last one counts
-            self.cloud.logs.count[:2] = 0
+            self.cloud.logs.count[0].jumps = self.cloud.logs.count[0].encounters = 0
         taken = time.perf_counter() - begin
         if code != UNTIL:
             raise RuntimeError(f"the run ended with {code}")
@@ -90,7 +89,7 @@ def scaling(full: bool, rounds: int) -> list[dict[str, Any]]:
                 for own in timed.values():
                     own.fly(max(STRETCH, 0.25 * own.number))
             for number, own in timed.items():
-                steps = float(own.cloud.state.numbers[:, stepper.STEPS].sum() / (own.clock * number))
+                steps = float(own.cloud.state.control["steps"].sum() / (own.clock * number))
                 rows.append({"form": form, "concentration": concentration, "number": number, "seconds": own.best, "bytes": own.bytes, "steps": steps})
     return rows
 
@@ -112,9 +111,9 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         begin = time.perf_counter()
         none = Samples(engine.scene.cloud.interval, np.zeros(1, dtype=np.int64), np.zeros((0, number, 6)))
         for _ in cloud.advance(until, none):
-            jumps = int(cloud.logs.count[0])
+            jumps = int(cloud.logs.count[0].jumps)
             rows.append(np.column_stack([cloud.logs.owners[:jumps], cloud.logs.jumps[:jumps]]))
-            cloud.logs.count[:2] = 0
+            cloud.logs.count[0].jumps = cloud.logs.count[0].encounters = 0
         best["cloud"] = min(best["cloud"], time.perf_counter() - begin)
         together = np.concatenate(rows)
         single_grains = [Grain(engine, i, Start(*map(tuple, start))) for i, start in enumerate(zip(*starts(engine), strict=True))]
@@ -123,11 +122,11 @@ def independent(rounds: int, number: int = 300, until: float = 10.0) -> dict[str
         taken = 0.0
         for i, grain in enumerate(single_grains):
             grain.memory = grain.memory._replace(horizon=until)  # comes back after the step that passes it
-            grain.flight[layout.DONE] = 0.0
+            grain.flight[0].done = 0
             begin = time.perf_counter()
             grain.fly(record, False, table)
             taken += time.perf_counter() - begin
-            jumps = int(grain.flight[layout.DONE])
+            jumps = grain.flight[0].done
             alone.append(np.column_stack([np.full(jumps, i), table[:jumps]]))
         best["one by one"] = min(best["one by one"], taken)
     single = np.concatenate(alone)

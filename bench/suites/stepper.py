@@ -56,7 +56,7 @@ def fresh(script: str, folder: str | None = None) -> dict[str, Any]:
 PARTS: dict[str, tuple[str, ...]] = {
     "rates": ("rates_of",),
     "stages": ("iterate", "differentiate_diagonally", "remember_rates"),
-    "memory": ("memory_before", "accept", "cut_step", "cut_memory", "make_odd"),
+    "memory": ("memory_before", "accept", "truncate_step", "truncate_memory", "make_odd"),
     "error": ("decay_error", "defect_error"),
     "record": ("keep", "fit_polynomial"),
     "contact": ("flown", "looked", "landed"),
@@ -263,7 +263,7 @@ def taken_apart(rounds: int) -> dict[str, Any]:
     for name, engine in engines.items():
         calls = dict(zip(CLOCKED, inside[name]["calls"], strict=True))
         ticks = dict(zip(CLOCKED, inside[name]["ticks"], strict=True))
-        steps, whole = calls["accept"] + calls["cut_step"], sum(ticks.values())
+        steps, whole = calls["accept"] + calls["truncate_step"], sum(ticks.values())
         sizes = {"stages": engine.tables.count, "states": engine.states, "members": engine.members, "terms": len(engine.rates)}
         per_step = {key: count / steps for key, count in calls.items()}
         seconds = times[name] / steps

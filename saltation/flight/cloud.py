@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
-from saltation.flight import collisions, equations, layout
+from saltation.flight import collisions, contact, equations, layout
 from saltation.flight.collisions import UNTIL, empty_grains
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
 from saltation.flow import velocity_and_shear
@@ -58,6 +58,7 @@ class Cloud:
     def __init__(self, engine: Engine, grains: range | None = None) -> None:
         """All grains, or some neighbouring ones: without encounters each flies as it would among all."""
         self.engine = engine
+        engine.tables.fill_all()
         scene, d, members = engine.scene, engine.dimensions, engine.members
         self.grains = range(scene.grains.number) if grains is None else grains
         number, stages = len(self.grains), engine.tables.count
@@ -66,21 +67,17 @@ class Cloud:
         for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
             state.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
             state.spin[i, :3] = spin
-            state.flight[i, [layout.X, layout.Y, layout.Z]] = position
-            state.flight[i, layout.TOP] = position[2]
-            state.flight[i, [layout.U, layout.V, layout.W]] = velocity
+            contact.take_off(state.flight[i], 0.0, *position, *velocity)
         state.jump[:] = state.y[:, d : d + members]
-        state.numbers[:] = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
-        state.numbers[:, stepper.REFUSED] = NEVER
-        state.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in state.flight[:, [layout.Z, layout.W]].tolist()]
+        state.control[:] = stepper.start_control(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        state.control["refusals"] = NEVER
+        state.spin[:, 3] = [equations.layer_of(engine.model, *up) for up in state.flight[["z", "w"]].tolist()]
         self.domain = self._domain() if "encounters" in scene.names else None
         cells = self.domain.along * self.domain.across if self.domain is not None else 0
         self.first_in_cell = np.full(cells, -1, dtype=np.int32)
         rows = max(BUFFER, number // 4)
         jumps, owners = np.zeros((rows, len(layout.COLUMNS))), np.zeros(rows, dtype=np.int32)
-        self.logs = collisions.Logs(
-            jumps, owners, np.zeros((BUFFER if self.domain is not None else 0, len(layout.ENCOUNTER_COLUMNS))), np.zeros(4, dtype=np.int64)
-        )
+        self.logs = collisions.Logs(jumps, owners, np.zeros(BUFFER if self.domain is not None else 0, layout.ENCOUNTER), np.zeros(1, collisions.COUNT))
         loaded = Grain(engine)  # whose arrays the grains take in turn
         problem = engine.problem._replace(end=math.inf)
         given = (engine.limits, engine.bed_of(self.grains.start), engine.memory(), loaded.state, loaded.spin, loaded.flight, loaded.values)
@@ -89,7 +86,7 @@ class Cloud:
         whole = self.steps.flight.parts
         rough, self.kept_too = engine.attempt(whole, coarse)
         self.parts = placed(collisions.Parts(self.steps, rough))
-        states, velocities = (whole.room.polynomial, np.zeros_like(whole.room.polynomial)), np.zeros((2, stages, 3))
+        states, velocities = (whole.work.polynomial, np.zeros_like(whole.work.polynomial)), np.zeros((2, stages, 3))
         self.courses = tuple(placed(collisions.Course(*arrays)) for arrays in zip(states, velocities, strict=True))
         self.given = placed(self.domain) if self.domain is not None else None, placed(state), self.first_in_cell
 
@@ -108,14 +105,11 @@ class Cloud:
 
         The last is UNTIL, or what stopped the run. The logs are the caller's to empty.
         """
-        tables, numbers, count, domain = self.engine.tables, self.state.numbers, self.logs.count, self.domain
-        log, odd, samples = placed(self.logs), self.steps.flight.parts.odd, placed(samples)
+        count, domain = self.logs.count[0], self.domain
+        log, samples = placed(self.logs), placed(samples)
         while True:
             code = collisions.advance(self.parts, *self.given, samples, log, self.courses, until)
-            grain = int(count[2])
-            if code == stepper.TABLE:
-                tables.fill(odd, numbers[grain])
-                continue
+            grain = int(count.grain)
             if code == UNTIL:
                 collisions.flush(self.parts, *self.given[:2], samples, until * ROUNDED)
             elif code not in GOES_ON and domain is not None:  # no grain is behind the one that stopped the run
@@ -127,14 +121,6 @@ class Cloud:
     def arrays(self) -> dict[str, Any]:
         """All arrays that change during a run."""
         return self.state._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}
-
-    def tabulate(self) -> None:
-        """Make the tables of the current steps: a run that is resumed begins in a process that has none."""
-        tables = self.engine.tables
-        has_a_step = (collisions.STEP_END, collisions.IMPACT, collisions.KINK, collisions.ENCOUNTER, collisions.FIND_ENCOUNTER)
-        for numbers in self.state.numbers[np.isin(self.state.kind, has_a_step)]:
-            if tables.tables.sizes[int(numbers[stepper.SLOT]), int(numbers[stepper.SINGULAR])] != numbers[stepper.STEP]:
-                tables.fill(self.steps.flight.parts.odd, numbers)
 
     def speed_of(self, grain: int) -> float:
         """Speed of a grain along the stream, V."""

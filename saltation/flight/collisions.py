@@ -21,20 +21,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, shared
+from basset._compile import call, compiled, record_type, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.events import all_at
-from basset.solvers.stepper import ACCEPTED, NOT_FINITE, SINGULAR, STEP, STEPS, TABLE, TIME, TOO_SMALL
+from basset.solvers.stepper import ACCEPTED, NOT_FINITE, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
 from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
-STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, RESUME, ROUGH_STEP, KINK = range(9)  # kinds of a grain's next event
+STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, KINK = range(7)  # kinds of a grain's next event
 UNTIL, PILE_UP, ENCOUNTERS_FULL, JUMPS_FULL = 40, 41, 42, 43  # why `advance` returns, beside the codes of a flight
-BEGIN, END, X, Y, Z, U, V, W, SPREAD, PACE, BEND, ROOT = range(12)  # places in `Grains.path`: times; middle and velocity of the chord; bounds:
-# distance from the chord, velocity against its, and of the acceleration BEND + ROOT/(2√t), t since the step's start
+# of a step's path: times; middle and velocity of the chord; bounds: distance from the chord, velocity against its, and of the acceleration
+# bend + root/(2√t), t since the step's start
+PATH = record_type("begin", "end", "x", "y", "z", "u", "v", "w", "spread", "pace", "bend", "root")
+# rows written; the grain that stopped the run; steps that were too short to be resolved
+COUNT = record_type(("jumps", "i8"), ("encounters", "i8"), ("grain", "i8"), ("unresolved", "i8"))
 REACH = 2.0  # d: half a step's path is at most this long
 DEEPEST_OVERLAP = 1e-10  # d
 MARGIN = math.sqrt(2.0)  # |p| on [−1, 1] over the largest at the zeros of T_2n, for degrees up to n: Ehlich & Zeller (1964), Math. Z. 86, 41
@@ -70,13 +73,13 @@ class Grains(NamedTuple):
     rate: Floats
     past: Floats
     jump: Floats
-    numbers: Floats
+    control: Any
     spin: Floats
-    flight: Floats
+    flight: Any
     values: Floats
     diagonal: Floats  # of the Jacobian, (1, states)
     share: Floats  # θ at which the current step ends
-    path: Floats  # of the current step: its times, its chord, and bounds on what leaves the chord
+    path: Any  # of the current step: its times, its chord, and bounds on what leaves the chord
     clock: Floats  # time of the next event
     counting_since: Floats  # when the count of encounters began
     sample: Any  # next sample to be written
@@ -99,14 +102,12 @@ class Samples(NamedTuple):
 
 
 class Logs(NamedTuple):
-    """Jumps (as of a flight) and whose they are, encounters; counts of jumps and encounters written, the grain that stopped the run, steps
-    that were too short to be resolved.
-    """
+    """Jumps (as of a flight) and whose they are, encounters (see `layout.ENCOUNTER`), how many of them are written (see COUNT)."""
 
     jumps: Floats
     owners: Any
-    encounters: Floats
-    count: Any
+    encounters: Any
+    count: Any  # (1,)
 
 
 class Course(NamedTuple):
@@ -202,8 +203,8 @@ def leave_cell(grains: Grains, first_in_cell: Any, grain: int) -> None:
 @shared
 def enter_cell(domain: Domain, grains: Grains, first_in_cell: Any, grain: int) -> None:
     """Put a grain into the cell over the middle of its path; open domains are folded, which only adds candidates."""
-    column = math.floor(grains.path[grain, X] / domain.cell_x) % domain.along
-    row = math.floor(grains.path[grain, Y] / domain.cell_y) % domain.across
+    column = math.floor(grains.path[grain].x / domain.cell_x) % domain.along
+    row = math.floor(grains.path[grain].y / domain.cell_y) % domain.across
     cell = column * domain.across + row
     if cell != grains.cell[grain]:
         leave_cell(grains, first_in_cell, grain)
@@ -253,8 +254,8 @@ def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: 
 @shared
 def polynomial_of(parts: Parts, domain: Domain | None, grains: Grains, grain: int, states: Floats) -> None:
     """The polynomial of the current step; among grains that meet its positions are the integral of a velocity."""
-    numbers = grains.numbers[grain]
-    singular, h = int(numbers[SINGULAR]), numbers[STEP]
+    control = grains.control[grain]
+    singular, h = int(control.singular), control.step
     stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, grains.values[grain], states)
     if domain is not None:
         begin_with(parts.steps.flight.model, singular, h, grains.y[grain], states)
@@ -288,7 +289,7 @@ def differentiate(model: layout.Model, singular: int, h: float, course: Course) 
 def course_of(parts: Parts, domain: Domain, grains: Grains, grain: int, course: Course) -> None:
     """The path of the current step."""
     polynomial_of(parts, domain, grains, grain, course.states)
-    differentiate(parts.steps.flight.model, int(grains.numbers[grain, SINGULAR]), grains.numbers[grain, STEP], course)
+    differentiate(parts.steps.flight.model, int(grains.control[grain].singular), grains.control[grain].step, course)
 
 
 @shared
@@ -322,7 +323,7 @@ def velocity_slope(course: Course, s: float) -> float:
 
 
 @shared
-def describe_path(model: layout.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Floats) -> float:
+def describe_path(model: layout.Model, singular: int, h: float, share: float, y: Floats, course: Course, path: Any) -> float:
     """Chord of the step up to `share` and bounds on what leaves it, into `path`; half the length of the path."""
     length, end = h * share, math.sqrt(share) if singular == 1 else share
     (u, v, w) = place_and_velocity(model, course, 0.0)[1]
@@ -340,27 +341,27 @@ def describe_path(model: layout.Model, singular: int, h: float, share: float, y:
     spread, pace, bend = MARGIN * math.sqrt(spread) + 1e-9, MARGIN * math.sqrt(pace) + 1e-9, MARGIN * bend
     across = 0.0 if model.dimensions == 2 else y[1]
     high = model.dimensions - 1
-    path[X], path[Y], path[Z] = y[0] + 0.5 * u * length, across + 0.5 * v * length, y[high] + 0.5 * w * length
-    path[U], path[V], path[W], path[SPREAD], path[PACE] = u, v, w, spread, pace
-    path[BEND], path[ROOT] = (0.0, bend / math.sqrt(h)) if singular == 1 else (bend / h, 0.0)
+    path.x, path.y, path.z = y[0] + 0.5 * u * length, across + 0.5 * v * length, y[high] + 0.5 * w * length
+    path.u, path.v, path.w, path.spread, path.pace = u, v, w, spread, pace
+    path.bend, path.root = (0.0, bend / math.sqrt(h)) if singular == 1 else (bend / h, 0.0)
     return 0.5 * length * math.sqrt(u * u + v * v + w * w) + spread
 
 
 @shared
-def may_touch(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> bool:
+def may_touch(domain: Domain, one: Any, two: Any, start: float, end: float) -> bool:
     """Whether two paths may come within one diameter in [start, end]."""
     middle = 0.5 * (start + end)
-    at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
-    near = 1.0 + one[SPREAD] + two[SPREAD]
+    at_one, at_two = middle - 0.5 * (one.begin + one.end), middle - 0.5 * (two.begin + two.end)
+    near = 1.0 + one.spread + two.spread
     half = 0.5 * (end - start)
-    u, v, w = two[U] - one[U], two[V] - one[V], two[W] - one[W]
-    z = two[Z] - one[Z] + two[W] * at_two - one[W] * at_one
+    u, v, w = two.u - one.u, two.v - one.v, two.w - one.w
+    z = two.z - one.z + two.w * at_two - one.w * at_one
     if abs(z) - abs(w) * half > near:
         return False
-    x = nearest(two[X] - one[X] + two[U] * at_two - one[U] * at_one, domain.length)
+    x = nearest(two.x - one.x + two.u * at_two - one.u * at_one, domain.length)
     if abs(x) - abs(u) * half > near:
         return False
-    y = nearest(two[Y] - one[Y] + two[V] * at_two - one[V] * at_one, domain.width)
+    y = nearest(two.y - one.y + two.v * at_two - one.v * at_one, domain.width)
     speed = u * u + v * v + w * w
     share = -(x * u + y * v + z * w)
     share = min(half, max(-half, share / speed)) if speed > 0.0 else 0.0
@@ -375,8 +376,8 @@ def may_touch(domain: Domain, one: Floats, two: Floats, start: float, end: float
 @shared
 def share_at(grains: Grains, grain: int, time: float) -> float:
     """θ of the current step at a time."""
-    numbers = grains.numbers[grain]
-    theta: float = min(1.0, max(0.0, (time - numbers[TIME]) / numbers[STEP]))
+    control = grains.control[grain]
+    theta: float = min(1.0, max(0.0, (time - control.time) / control.step))
     return theta
 
 
@@ -384,19 +385,19 @@ def share_at(grains: Grains, grain: int, time: float) -> float:
 def at_time(model: layout.Model, grains: Grains, grain: int, course: Course, time: float) -> tuple[Triple, Triple]:
     """How far a grain has come at a time of its current step, and its velocity."""
     theta = share_at(grains, grain, time)
-    return place_and_velocity(model, course, math.sqrt(theta) if grains.numbers[grain, SINGULAR] == 1.0 else theta)
+    return place_and_velocity(model, course, math.sqrt(theta) if grains.control[grain].singular else theta)
 
 
 @shared
-def image(domain: Domain, one: Floats, two: Floats, start: float, end: float) -> tuple[float, float]:
+def image(domain: Domain, one: Any, two: Any, start: float, end: float) -> tuple[float, float]:
     """What to add to the second grain's x and y for its image that is the nearest midway through [start, end].
 
     The others stay away all the time: paths are 2 `REACH` long at most, boxes three times as long at least.
     """
     middle = 0.5 * (start + end)
-    at_one, at_two = middle - 0.5 * (one[BEGIN] + one[END]), middle - 0.5 * (two[BEGIN] + two[END])
-    x = two[X] - one[X] + two[U] * at_two - one[U] * at_one
-    y = two[Y] - one[Y] + two[V] * at_two - one[V] * at_one
+    at_one, at_two = middle - 0.5 * (one.begin + one.end), middle - 0.5 * (two.begin + two.end)
+    x = two.x - one.x + two.u * at_two - one.u * at_one
+    y = two.y - one.y + two.v * at_two - one.v * at_one
     return nearest(x, domain.length) - x, nearest(y, domain.width) - y
 
 
@@ -466,8 +467,8 @@ def meeting_time(model: layout.Model, domain: Domain, grains: Grains, i: int, j:
     first, second = grains.path[i], grains.path[j]
     shift = image(domain, first, second, start, end)
     rounding = 1e-12 + 1e-14 * abs(end)  # of positions, times and velocities
-    speed = math.sqrt((second[U] - first[U]) ** 2 + (second[V] - first[V]) ** 2 + (second[W] - first[W]) ** 2) + first[PACE] + second[PACE]
-    bend = first[BEND] + second[BEND]
+    speed = math.sqrt((second.u - first.u) ** 2 + (second.v - first.v) ** 2 + (second.w - first.w) ** 2) + first.pace + second.pace
+    bend = first.bend + second.bend
     time, earlier = start, start
     gap, rate = gap_and_rate(model, grains, i, j, one, two, shift, time)
     for _ in range(1000):
@@ -475,11 +476,11 @@ def meeting_time(model: layout.Model, domain: Domain, grains: Grains, i: int, j:
             break
         if gap > speed * (end - time):
             return math.inf
-        left, age_one, age_two = end - time, max(0.0, time - first[BEGIN]), max(0.0, time - second[BEGIN])
-        pause = surely_open_for(max(gap, 0.0), rate, bend, first[ROOT], second[ROOT], age_one, age_two, left)
+        left, age_one, age_two = end - time, max(0.0, time - first.begin), max(0.0, time - second.begin)
+        pause = surely_open_for(max(gap, 0.0), rate, bend, first.root, second.root, age_one, age_two, left)
         if gap < DEEPEST_OVERLAP and rate >= -rounding:
             spare = max(0.5 * (DEEPEST_OVERLAP + min(gap, 0.0)), 1e-16)
-            pause = max(pause, surely_open_for(spare, min(rate, 0.0), bend, first[ROOT], second[ROOT], age_one, age_two, left))
+            pause = max(pause, surely_open_for(spare, min(rate, 0.0), bend, first.root, second.root, age_one, age_two, left))
         pause = max(pause, gap / speed, 4e-16 * (1.0 + abs(time)))
         if pause >= left:
             return math.inf
@@ -508,9 +509,9 @@ def find_encounter(parts: Parts, domain: Domain, grains: Grains, first_in_cell: 
     """Find the earliest encounter of grain i in the current step, and make it the next event of both."""
     path = grains.path
     mine = path[i]
-    start, best, chosen = max(now, mine[BEGIN]), mine[END], index(-1)
-    column, row = math.floor(mine[X] / domain.cell_x), math.floor(mine[Y] / domain.cell_y)
-    reach = 1.0 + REACH + 0.5 * (mine[END] - mine[BEGIN]) * math.sqrt(mine[U] ** 2 + mine[V] ** 2 + mine[W] ** 2) + mine[SPREAD]
+    start, best, chosen = max(now, mine.begin), mine.end, index(-1)
+    column, row = math.floor(mine.x / domain.cell_x), math.floor(mine.y / domain.cell_y)
+    reach = 1.0 + REACH + 0.5 * (mine.end - mine.begin) * math.sqrt(mine.u**2 + mine.v**2 + mine.w**2) + mine.spread
     long, wide = math.ceil(reach / domain.cell_x), math.ceil(reach / domain.cell_y)
     fitted = False
     for p in range(min(2 * long + 1, domain.along)):
@@ -518,7 +519,7 @@ def find_encounter(parts: Parts, domain: Domain, grains: Grains, first_in_cell: 
             j = index(first_in_cell[((column - long + p) % domain.along) * domain.across + (row - wide + q) % domain.across])
             while j >= 0:
                 if j != i:
-                    begin, end = max(start, path[j, BEGIN]), min(best, grains.clock[j], path[j, END])
+                    begin, end = max(start, path[j].begin), min(best, grains.clock[j], path[j].end)
                     if end > begin and may_touch(domain, mine, path[j], begin, end):
                         if not fitted:
                             course_of(parts, domain, grains, i, courses[0])
@@ -529,7 +530,7 @@ def find_encounter(parts: Parts, domain: Domain, grains: Grains, first_in_cell: 
                             best, chosen = abs(time), j if time >= 0.0 else index(-1)
                 j = index(grains.next_in_cell[j])
     if chosen < 0:
-        set_event(domain, grains, i, best, index(grains.own[i]) if best == mine[END] else FIND_ENCOUNTER, -1)
+        set_event(domain, grains, i, best, index(grains.own[i]) if best == mine.end else FIND_ENCOUNTER, -1)
         return
     if grains.kind[chosen] == ENCOUNTER:  # which will not happen: its partner has to search again
         set_event(domain, grains, index(grains.partner[chosen]), now, FIND_ENCOUNTER, -1)
@@ -563,9 +564,9 @@ def load_grain(grains: Grains, i: int, g: loop.Flight) -> None:
     copy_rows(grains.past[i], state.past)
     copy_row(grains.jump[i], state.jump)
     copy_rows(grains.diagonal[i], state.jacobian)
-    copy_row(grains.numbers[i], state.numbers)
+    state.control[0] = grains.control[i]
     copy_row(grains.spin[i], p.equation.own)
-    copy_row(grains.flight[i], g.account)
+    g.account[0] = grains.flight[i]
     copy_rows(grains.values[i], p.values)
 
 
@@ -577,9 +578,9 @@ def store_grain(grains: Grains, i: int, g: loop.Flight) -> None:
     copy_row(state.rate, grains.rate[i])
     copy_rows(state.past, grains.past[i])
     copy_row(state.jump, grains.jump[i])
-    copy_row(state.numbers, grains.numbers[i])
+    grains.control[i] = state.control[0]
     copy_row(p.equation.own, grains.spin[i])
-    copy_row(g.account, grains.flight[i])
+    grains.flight[i] = g.account[0]
 
 
 @shared
@@ -587,44 +588,33 @@ def store_step(grains: Grains, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what finding a step has changed."""
     p = g.parts
     copy_rows(p.state.jacobian, grains.diagonal[i])
-    copy_row(p.state.numbers, grains.numbers[i])
+    grains.control[i] = p.state.control[0]
     copy_rows(p.values, grains.values[i])
 
 
 @shared
 def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, logs: Logs, i: int, courses: Courses) -> int:
-    """Find the next step of the loaded grain: ACCEPTED, or why not. Its polynomial is left in the work space.
-
-    A search that a missing table interrupts goes on where it was (RESUME, ROUGH_STEP): the step must not depend on which tables there were.
-    """
+    """Find the next step of the loaded grain: ACCEPTED, or why not. Its polynomial is left in the work space."""
     steps = parts.steps
     g, p = steps.flight, steps.flight.parts
-    model, problem, state, numbers, signal, polynomial = g.model, p.problem, p.state, p.state.numbers, p.room.signal, p.room.polynomial
-    if numbers[TIME] - g.account[layout.START] > g.limits.longest:
+    model, problem, state, control, signal, polynomial = g.model, p.problem, p.state, p.state.control[0], p.work.signal, p.work.polynomial
+    if control.time - g.account[0].start > g.limits.longest:
         return layout.ALOFT
-    if numbers[STEPS] == 0.0 and grains.kind[i] == FIND_STEP and g.bed.highest > -math.inf:
+    if control.steps == 0 and g.bed.highest > -math.inf:
         loop.set_tolerance(g, math.inf)
     while True:
-        code = ACCEPTED
-        if grains.kind[i] != ROUGH_STEP:
-            call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
-            code = int(signal[0, 0])
-            if code == TABLE:
-                grains.kind[i] = RESUME
-            elif domain is not None and code in (TOO_SMALL, NOT_FINITE) and numbers[STEP] < 4.0 * problem.floor:
-                # what happens between two contacts that follow each other more closely than that cannot be resolved
-                numbers[STEP] = 8.0 * problem.floor
-                grains.kind[i] = ROUGH_STEP
-        if grains.kind[i] == ROUGH_STEP:
+        call(steps.attempt, 0.0, signal, 0, signal, 0, signal)
+        code = int(signal[0, 0])
+        if domain is not None and code in (TOO_SMALL, NOT_FINITE) and control.step < 4.0 * problem.floor:
+            # what happens between two contacts that follow each other more closely than that cannot be resolved
+            control.step = 8.0 * problem.floor
             call(parts.rough, 0.0, signal, 0, signal, 0, signal)
             code = int(signal[0, 0])
-            if code == ACCEPTED:
-                grains.kind[i] = FIND_STEP
-                logs.count[3] += 1
+            logs.count[0].unresolved += 1
         store_step(grains, i, g)
         if code != ACCEPTED:
             return code
-        h, singular = numbers[STEP], int(numbers[SINGULAR])
+        h, singular = control.step, int(control.singular)
         polynomial_of(parts, domain, grains, i, polynomial)
         call(steps.look, float(g.bed.grain + i), signal, 0, signal, 0, signal)
         contact, kink = signal[0, 0], signal[0, 1]
@@ -632,7 +622,7 @@ def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell
         grains.share[i] = share
         grains.own[i] = STEP_END if min(contact, kink) > 1.0 else KINK if kink < contact else IMPACT
         path = grains.path[i]
-        path[BEGIN], path[END] = numbers[TIME], numbers[TIME] + h * share
+        path.begin, path.end = control.time, control.time + h * share
         if domain is None:
             return ACCEPTED
         differentiate(model, singular, h, courses[0])
@@ -640,7 +630,7 @@ def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell
         if reach <= REACH:
             enter_cell(domain, grains, first_in_cell, i)
             return ACCEPTED
-        numbers[STEP] = 0.9 * h * share * REACH / reach
+        control.step = 0.9 * h * share * REACH / reach
 
 
 @shared
@@ -649,7 +639,7 @@ def write_samples(model: layout.Model, grains: Grains, samples: Samples, i: int,
     d = model.dimensions
     while grains.sample[i] * samples.interval <= until and grains.sample[i] - samples.first[0] < len(samples.values):
         theta = share_at(grains, i, grains.sample[i] * samples.interval)
-        all_at(polynomial, grains.y[i], int(grains.numbers[i, SINGULAR]), theta, row)
+        all_at(polynomial, grains.y[i], int(grains.control[i].singular), theta, row)
         kept = samples.values[grains.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
@@ -658,44 +648,43 @@ def write_samples(model: layout.Model, grains: Grains, samples: Samples, i: int,
 
 
 @shared
-def cut_at(parts: Parts, grains: Grains, samples: Samples, i: int, now: float, theta: float) -> None:
+def truncate_at(parts: Parts, grains: Grains, samples: Samples, i: int, now: float, theta: float) -> None:
     """Take the step of the loaded grain up to θ, at time `now`; its polynomial is in the work space."""
     g, p = parts.steps.flight, parts.steps.flight.parts
-    numbers, signal, polynomial = p.state.numbers, p.room.signal, p.room.polynomial
-    write_samples(g.model, grains, samples, i, polynomial, now, p.room.before)
-    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(numbers[SINGULAR]), numbers[STEP], theta, g.account)
-    call(parts.steps.cut, theta, signal, 0, signal, 0, signal)
-    numbers[TIME] = now
+    control, signal, polynomial = p.state.control[0], p.work.signal, p.work.polynomial
+    write_samples(g.model, grains, samples, i, polynomial, now, p.work.before)
+    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(control.singular), control.step, theta, g.account[0])
+    call(parts.steps.truncate, theta, signal, 0, signal, 0, signal)
+    control.time = now
 
 
 @shared
 def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int) -> int:
     """Take the step of the loaded grain to its own end: ACCEPTED or REST. Its polynomial is in the work space."""
-    now = grains.path[i, END]
+    now = grains.path[i].end
     g, p = parts.steps.flight, parts.steps.flight.parts
-    state, numbers, signal, model = p.state, p.state.numbers, p.room.signal, g.model
+    state, control, signal, model = p.state, p.state.control[0], p.work.signal, g.model
     if grains.own[i] == STEP_END:
-        singular, h = int(numbers[SINGULAR]), numbers[STEP]
-        write_samples(model, grains, samples, i, p.room.polynomial, now, p.room.before)
-        contact.record_top_and_turning(model, p.room.polynomial, state.y, singular, h, 1.0, g.account)
+        singular, h = int(control.singular), control.step
+        write_samples(model, grains, samples, i, p.work.polynomial, now, p.work.before)
+        contact.record_top_and_turning(model, p.work.polynomial, state.y, singular, h, 1.0, g.account[0])
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
             p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
         return ACCEPTED
-    cut_at(parts, grains, samples, i, now, grains.share[i])
+    truncate_at(parts, grains, samples, i, now, grains.share[i])
     if grains.own[i] == KINK:
         equations.cross_kink(model, p)
         return ACCEPTED
-    count = logs.count
-    row = index(count[0])
+    row = index(logs.count[0].jumps)
     logs.owners[row] = i
-    count[0] += 1
+    logs.count[0].jumps += 1
     call(parts.steps.land, float(g.bed.grain + i), signal, 0, logs.jumps, row, signal)
     return int(signal[0, 0])
 
 
 @shared
-def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: float, row: Floats) -> None:
+def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: float, row: Any) -> None:
     """Two grains in contact, their velocities being in `row`: these, spins and memories jump, and the encounter is written down."""
     g, p = parts.steps.flight, parts.steps.flight.parts
     model = g.model
@@ -706,27 +695,28 @@ def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: 
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
     stream_one, stream_two = velocity_and_shear(model.profile, first[d - 1])[0], velocity_and_shear(model.profile, second[d - 1])[0]
-    u, v = (row[11], row[12], row[13]), (row[14], row[15], row[16])
+    velocity = row.velocity
+    u, v = (velocity[0, 0], velocity[0, 1], velocity[0, 2]), (velocity[1, 0], velocity[1, 1], velocity[1, 2])
     spin_one, spin_two = contact.spin_of(model, first, grains.spin[i]), contact.spin_of(model, second, grains.spin[j])
     closing = (u[0] - v[0]) * nx + (u[1] - v[1]) * ny + (u[2] - v[2]) * nz
     restitution = domain.restitution
     if closing > 0.0 and restitution * closing < domain.minimum_separation_speed:
         restitution = domain.minimum_separation_speed / closing
     after = strike_pair(nx, ny, nz, u, v, spin_one, spin_two, (0.5, 0.5), (1.0, 1.0), restitution, domain.friction)
-    row[0], row[1], row[2] = time, i, j
-    row[3], row[4], row[5] = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
-    row[6], row[7], row[8], row[9], row[10] = nx, ny, nz, distance, restitution
+    row.time, row.first, row.second = time, i, j
+    row.x, row.y, row.z = first[0], (0.0 if model.dimensions == 2 else first[1]), first[d - 1]
+    row.n_x, row.n_y, row.n_z, row.distance, row.restitution = nx, ny, nz, distance, restitution
+    spin, velocity_after, spin_after, impulse = row.spin, row.velocity_after, row.spin_after, row.impulse
     for k in range(3):
-        row[17 + k], row[20 + k] = spin_one[k], spin_two[k]
-        row[23 + k], row[26 + k], row[29 + k], row[32 + k] = after[0][k], after[1][k], after[2][k], after[3][k]
-        row[35 + k] = after[4][k]
+        spin[0, k], spin[1, k], impulse[k] = spin_one[k], spin_two[k], after[4][k]
+        velocity_after[0, k], velocity_after[1, k], spin_after[0, k], spin_after[1, k] = after[0][k], after[1][k], after[2][k], after[3][k]
     for side in range(2):
         grain = i if side == 0 else j
         load_grain(grains, grain, g)
-        k = 23 + 3 * side
-        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, row[k], row[k + 1], row[k + 2])
+        u, v, w = velocity_after[side, 0], velocity_after[side, 1], velocity_after[side, 2]
+        contact.apply_rebound(model, g.memory, p.problem, p.state, stream_two if side == 1 else stream_one, u, v, w)
         if not g.limits.prescribed:
-            contact.set_spin(model, p.state.y, p.equation.own, row[k + 6], row[k + 7], row[k + 8])
+            contact.set_spin(model, p.state.y, p.equation.own, spin_after[side, 0], spin_after[side, 1], spin_after[side, 2])
         store_grain(grains, grain, g)
 
 
@@ -747,19 +737,19 @@ def encounter(parts: Parts, domain: Domain, grains: Grains, samples: Samples, lo
     for side in range(2):
         grain = i if side == 0 else j
         if collapsing(domain, grains, grain, now):
-            logs.count[2] = grain
+            logs.count[0].grain = grain
             return PILE_UP
-    row = logs.encounters[logs.count[1]]
+    row = logs.encounters[logs.count[0].encounters]
     for side in range(2):
         grain = i if side == 0 else j
         course_of(parts, domain, grains, grain, courses[0])
-        velocity = at_time(model, grains, grain, courses[0], now)[1]
-        row[11 + 3 * side], row[12 + 3 * side], row[13 + 3 * side] = velocity
+        velocity = row.velocity
+        velocity[side, 0], velocity[side, 1], velocity[side, 2] = at_time(model, grains, grain, courses[0], now)[1]
         load_grain(grains, grain, parts.steps.flight)
-        cut_at(parts, grains, samples, grain, now, share_at(grains, grain, now))
+        truncate_at(parts, grains, samples, grain, now, share_at(grains, grain, now))
         store_grain(grains, grain, parts.steps.flight)
     collide(parts, domain, grains, i, j, now, row)
-    logs.count[1] += 1
+    logs.count[0].encounters += 1
     set_event(domain, grains, i, now, FIND_STEP, -1)
     set_event(domain, grains, j, now, FIND_STEP, -1)
     return ACCEPTED
@@ -779,35 +769,35 @@ def handle_event(
 ) -> int:
     """Handle a grain's next event: ACCEPTED, or why the caller is needed. `loaded`: it was the last one, its polynomial is in the work space."""
     now, kind, g = grains.clock[i], index(grains.kind[i]), parts.steps.flight
-    if kind in (FIND_STEP, RESUME, ROUGH_STEP):
+    if kind == FIND_STEP:
         if not loaded:
             load_grain(grains, i, g)
         code = find_step(parts, domain, grains, first_in_cell, logs, i, courses)
         if code != ACCEPTED:
-            logs.count[2] = i
+            logs.count[0].grain = i
             if code == layout.ALOFT:
                 leave_run(domain, grains, first_in_cell, i)
             return code
         if domain is None:
-            set_event(domain, grains, i, grains.path[i, END], index(grains.own[i]), -1)
+            set_event(domain, grains, i, grains.path[i].end, index(grains.own[i]), -1)
             return ACCEPTED
     if domain is not None:
-        if kind in (FIND_STEP, RESUME, ROUGH_STEP, FIND_ENCOUNTER):
+        if kind in (FIND_STEP, FIND_ENCOUNTER):
             find_encounter(parts, domain, grains, first_in_cell, i, now, courses)
             return ACCEPTED
         if kind == ENCOUNTER:
-            if logs.count[1] >= len(logs.encounters):
+            if logs.count[0].encounters >= len(logs.encounters):
                 return ENCOUNTERS_FULL
             return encounter(parts, domain, grains, samples, logs, i, now, courses)
-    if kind == IMPACT and logs.count[0] >= len(logs.jumps):
+    if kind == IMPACT and logs.count[0].jumps >= len(logs.jumps):
         return JUMPS_FULL
     if not loaded:
         load_grain(grains, i, g)
-        polynomial_of(parts, domain, grains, i, g.parts.room.polynomial)
+        polynomial_of(parts, domain, grains, i, g.parts.work.polynomial)
     code = take_step(parts, grains, samples, logs, i)
     store_grain(grains, i, g)
     if code == layout.REST:
-        logs.count[2] = i
+        logs.count[0].grain = i
         leave_run(domain, grains, first_in_cell, i)
         return code
     set_event(domain, grains, i, now, FIND_STEP, -1)
@@ -845,11 +835,11 @@ def _make_flush(digest: str) -> Callable[..., Any]:
     def flush(parts: Parts, domain: Domain | None, grains: Grains, samples: Samples, until: float) -> None:
         """Write all samples up to `until`, which every current step reaches."""
         digest  # noqa: B018 - part of the cache key
-        g, room = parts.steps.flight, parts.steps.flight.parts.room
+        g, work = parts.steps.flight, parts.steps.flight.parts.work
         for i in range(len(grains.clock)):
             if grains.kind[i] != GONE and grains.sample[i] * samples.interval <= until:
-                polynomial_of(parts, domain, grains, i, room.polynomial)
-                write_samples(g.model, grains, samples, i, room.polynomial, until, room.before)
+                polynomial_of(parts, domain, grains, i, work.polynomial)
+                write_samples(g.model, grains, samples, i, work.polynomial, until, work.before)
 
     return flush
 
@@ -860,14 +850,17 @@ flush = compiled(_make_flush, allocates=False)
 def empty_grains(number: int, states: int, members: int, terms: int, stages: int) -> Grains:
     """Room for so many grains, without a step yet."""
     shapes: dict[str, tuple[int, ...]] = {
-        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "numbers": (stepper.NUMBERS,), "spin": (4,), "flight": (14,),
-        "values": (stages, states), "diagonal": (1, states), "share": (), "path": (12,),
+        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "spin": (4,),
+        "values": (stages, states), "diagonal": (1, states), "share": (),
         "clock": (), "counting_since": (),
     }  # fmt: skip
     whole: dict[str, Any] = dict.fromkeys(("partner", "cell", "next_in_cell", "encounter_count", "heap", "place"), np.int32) | {
         "sample": np.int64,
         "kind": np.int8,
         "own": np.int8,
+        "control": stepper.CONTROL,
+        "flight": layout.FLIGHT,
+        "path": PATH,
     }
     arrays: dict[str, Any] = {name: np.zeros((number, *shape)) for name, shape in shapes.items()}
     arrays |= {name: np.zeros(number, dtype=kind) for name, kind in whole.items()}

@@ -8,27 +8,11 @@ from typing import Any
 from basset._compile import entry, shared
 from basset.kernels import Floats
 from basset.solvers.events import between, narrowed
-from basset.solvers.stepper import FIRST, TIME, Problem, State, at, restart
+from basset.solvers.stepper import Problem, State, at, restart
 from saltation._random import Draws
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import contact_plane
-from saltation.flight.layout import (
-    NOTHING,
-    RESET,
-    RESTART,
-    START,
-    TOP,
-    TURNED,
-    Bed,
-    Memory,
-    Model,
-    U,
-    V,
-    W,
-    X,
-    Y,
-    Z,
-)
+from saltation.flight.layout import NOTHING, RESET, RESTART, Bed, Memory, Model
 from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
@@ -102,7 +86,7 @@ def root_of_gap(
 
 
 @shared
-def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Floats) -> None:
+def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Any) -> None:
     """Keep the highest point and the turning of the flight up to θ of the step."""
     d = model.dimensions
     before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
@@ -116,21 +100,21 @@ def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: in
                 low = middle
             else:
                 high = middle
-        flight[TOP] = max(flight[TOP], at(polynomial, y, kind, high, d - 1))
-    flight[TOP] = max(flight[TOP], at(polynomial, y, kind, theta, d - 1))
+        flight.top = max(flight.top, at(polynomial, y, kind, high, d - 1))
+    flight.top = max(flight.top, at(polynomial, y, kind, theta, d - 1))
     if model.spins > 0:
         a = 4 if model.dimensions == 2 else 7
         root = math.sqrt(0.15)
         ends = h * theta / 18.0
-        flight[TURNED] += 8.0 * ends * at(polynomial, y, kind, 0.5 * theta, a)
-        flight[TURNED] += 5.0 * ends * (at(polynomial, y, kind, (0.5 - root) * theta, a) + at(polynomial, y, kind, (0.5 + root) * theta, a))
+        flight.turned += 8.0 * ends * at(polynomial, y, kind, 0.5 * theta, a)
+        flight.turned += 5.0 * ends * (at(polynomial, y, kind, (0.5 - root) * theta, a) + at(polynomial, y, kind, (0.5 + root) * theta, a))
 
 
 @shared
-def take_off(flight: Floats, time: float, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
+def take_off(flight: Any, time: float, x: float, y: float, z: float, u: float, v: float, w: float) -> None:
     """Start the record of a new flight."""
-    flight[START], flight[X], flight[Y], flight[Z], flight[TOP] = time, x, y, z, z
-    flight[U], flight[V], flight[W], flight[TURNED] = u, v, w, 0.0
+    flight.start, flight.x, flight.y, flight.z, flight.top = time, x, y, z, z
+    flight.u, flight.v, flight.w, flight.turned = u, v, w, 0.0
 
 
 @shared
@@ -141,7 +125,7 @@ def drop_oldest_impact(kept: Floats, when: Floats, rates: Floats, state: State, 
     """
     if len(when) == 0:
         return
-    now, past = state.numbers[TIME], state.past
+    now, past = state.control[0].time, state.past
     slot = done % len(when)
     members, terms = past.shape
     if done >= len(when):
@@ -186,7 +170,7 @@ def set_spin(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: fl
 def apply_rebound(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
     """Set the velocity after a contact, with the scene's treatment of the history force; steps start small."""
     d = model.dimensions
-    s, numbers = state.y, state.numbers
+    s, control = state.y, state.control[0]
     if len(problem.where) > 0:
         if memory.rebound in (RESTART, RESET):
             past = state.past
@@ -207,4 +191,4 @@ def apply_rebound(model: Model, memory: Memory, problem: Problem, state: State, 
     s[d], s[2 * d - 1] = u - stream, w
     if model.dimensions == 3:
         s[d + 1] = v
-    restart(problem, numbers, numbers[FIRST])
+    restart(problem, control, control.first_step)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from basset._compile import compiled, entry, overloads, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
-from basset.solvers.stepper import JUMPED, STEP, TIME, at, restart
+from basset.solvers.stepper import at, restart
 from saltation.effects.base import Situation, force, torque, total_force
 from saltation.flight.layout import Model
 from saltation.flow import continued
@@ -130,13 +130,13 @@ def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, fall
 @shared
 def cross_kink(model: Model, p: stepper.Parts) -> None:
     """Enter the next layer: the slip goes on, its rate jumps. Where no time has passed since the layer before, steps shrink until one passes."""
-    numbers, own, z = p.state.numbers, p.equation.own, p.state.y[model.dimensions - 1]
+    control, own, z = p.state.control[0], p.equation.own, p.state.y[model.dimensions - 1]
     k = int(own[3])
     if k > 0 and (k == 3 or abs(z - model.kinks[k - 1]) < abs(z - model.kinks[k])):
         own[3] = layer_of(model, model.kinks[k - 1] - 0.25, 0.0)
     else:
         own[3] = layer_of(model, model.kinks[k] + 0.25, 0.0)
-    restart(p.problem, numbers, numbers[STEP] if numbers[TIME] > numbers[JUMPED] else 0.25 * numbers[STEP])
+    restart(p.problem, control, control.step if control.time > control.last_jump else 0.25 * control.step)
 
 
 def each_force(effects: tuple[Any, ...], s: Situation, out: Floats, row: int, column: int) -> None:

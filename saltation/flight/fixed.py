@@ -58,7 +58,7 @@ class NodeCheck(NamedTuple):
     longest: float
     dt: float
     state: _fixed.State
-    flight: Floats
+    flight: Any
     record: _fixed.Record
 
 
@@ -74,7 +74,7 @@ def reason_to_stop(t: float, dt: float, end: float, horizon: float, longest: flo
 
 def checked(parts: NodeCheck, t: float, y: Any, out: Any, own: Any) -> None:
     """Update the record of the flight at the newest node, at time t; into out[0] whether it goes on."""
-    model, bed, state, account, record, dt = parts.model, parts.bed, parts.state, parts.flight, parts.record, parts.dt
+    model, bed, state, account, record, dt = parts.model, parts.bed, parts.state, parts.flight[0], parts.record, parts.dt
     s, before, rates, d, row = state.y, state.before, state.recent, model.dimensions, int(state.numbers[DONE]) - 1
     ends = t > parts.end * (1.0 + 1e-12)
     if ends:  # within the step: its cubic, back to there
@@ -87,14 +87,14 @@ def checked(parts: NodeCheck, t: float, y: Any, out: Any, own: Any) -> None:
         record.times[row] = parts.end
     w, before_w = s[2 * d - 1], before[0, 2 * d - 1]
     if before_w > 0.0 >= w:
-        account[layout.TOP] = max(account[layout.TOP], before[0, d - 1] + 0.5 * dt * before_w * before_w / (before_w - w))
-    account[layout.TOP] = max(account[layout.TOP], s[d - 1])
+        account.top = max(account.top, before[0, d - 1] + 0.5 * dt * before_w * before_w / (before_w - w))
+    account.top = max(account.top, s[d - 1])
     if model.spins > 0:
         turns = 4 if d == 2 else 7
-        account[layout.TURNED] += 0.5 * dt * (before[0, turns] + s[turns])
-    out[0] = stepper.END if ends else reason_to_stop(t, dt, parts.end, parts.horizon, parts.longest, account[layout.START])
+        account.turned += 0.5 * dt * (before[0, turns] + s[turns])
+    out[0] = stepper.END if ends else reason_to_stop(t, dt, parts.end, parts.horizon, parts.longest, account.start)
     if not ends and w <= 0.0 and s[d - 1] < bed.highest:
-        draws = uniforms(bed.seed, bed.grain, int(account[layout.IMPACTS]))
+        draws = uniforms(bed.seed, bed.grain, account.impacts)
         u = s[d] + velocity_and_shear(model.profile, s[d - 1])[0]
         v = 0.0 if d == 2 else s[d + 1]
         if s[d - 1] <= contact_plane(bed.roughness, u, v, w, draws)[1]:
@@ -151,14 +151,14 @@ class FixedGrain(Grain):
 
     def fly(self, record: Any, recording: bool, jumps: Floats) -> tuple[int, int]:
         """Fly to the next impact, or until the record, which is its own, is full. (code, steps recorded)."""
-        numbers, time = self._steps.numbers, self.state.numbers
+        numbers, progress = self._steps.numbers, self.state.control[0]
         numbers[DONE] = 0.0
-        code = reason_to_stop(time[stepper.TIME], *self._limits, self.flight[layout.START])
+        code = reason_to_stop(progress.time, *self._limits, self.flight[0].start)
         if code == stepper.ACCEPTED:
             code = _fixed.steps(self._parts, 1 << 62)
         done = int(numbers[DONE])
         if done:
-            time[stepper.TIME] = self.record.times[done - 1]
+            progress.time = self.record.times[done - 1]
         if code == IMPACT:
             signal = np.zeros(2)
             self.state.jump[:] = 0.0  # already in the memory

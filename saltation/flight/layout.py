@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from basset._compile import record_type
 from basset.kernels import Floats
 
 SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones do not count as flights
@@ -11,8 +12,10 @@ SHORTEST_FLIGHT = 1e-5  # d/V: shorter ones do not count as flights
 # why `fly` returns, beside the codes of `basset.solvers.stepper`
 JUMPS, REST, ALOFT, HORIZON, CROWDED = 20, 21, 22, 23, 24
 
-# places in `flight`
-START, X, Y, Z, TOP, TURNED, U, V, W, IMPACTS, SHORT, DONE, TAKEN, CONTACTS = range(14)
+# of a flight: takeoff, highest point and angle turned so far; of a grain: draws at the bed, short flights in a row, rows of the table of jumps, jumps
+FLIGHT = record_type(
+    "start", "x", "y", "z", "u", "v", "w", "top", "turned", ("impacts", "i8"), ("short", "i8"), ("done", "i8"), ("taken", "i8")
+)  # fmt: skip
 
 # columns of the table of jumps, as recorded: takeoff, flight, impact
 COLUMNS = (
@@ -30,6 +33,10 @@ ENCOUNTER_COLUMNS = (
     "first_spin_x_after", "first_spin_y_after", "first_spin_z_after", "second_spin_x_after", "second_spin_y_after", "second_spin_z_after",
     "impulse_x", "impulse_y", "impulse_z",
 )  # fmt: skip
+
+# the same as a record of numbers and vectors
+VECTORS = [(name, "f8", (2, 3)) for name in ("velocity", "spin", "velocity_after", "spin_after")]
+ENCOUNTER = record_type(*ENCOUNTER_COLUMNS[:11], *VECTORS, ("impulse", "f8", (3,)))
 
 IMPULSE, RESTART, RESET, NOTHING = range(4)  # treatment of the history force at an impact
 

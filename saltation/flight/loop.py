@@ -12,45 +12,12 @@ from typing import Any, NamedTuple
 from basset._compile import call, entry, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
-from basset.solvers.stepper import (
-    ACCEPTED,
-    FULL,
-    SCALE,
-    SINGULAR,
-    STEP,
-    TIME,
-    at,
-    fit_polynomial,
-    keep,
-)
+from basset.solvers.stepper import ACCEPTED, FULL, at, fit_polynomial, keep
 from saltation._random import uniforms
 from saltation.bed.roughness import contact_plane
 from saltation.flight.contact import apply_rebound, drop_oldest_impact, first_contact, record_top_and_turning, set_spin, spin_of, take_off
 from saltation.flight.equations import cross_kink, layer_of, leaving
-from saltation.flight.layout import (
-    ALOFT,
-    CROWDED,
-    DONE,
-    HORIZON,
-    IMPACTS,
-    JUMPS,
-    REST,
-    SHORT,
-    START,
-    TAKEN,
-    TOP,
-    TURNED,
-    Bed,
-    Limits,
-    Memory,
-    Model,
-    U,
-    V,
-    W,
-    X,
-    Y,
-    Z,
-)
+from saltation.flight.layout import ALOFT, CROWDED, HORIZON, JUMPS, REST, Bed, Limits, Memory, Model
 from saltation.flow import velocity_and_shear
 
 SHORTEST = 0.01  # smallest factor of the tolerance
@@ -65,7 +32,7 @@ class Flight(NamedTuple):
     bed: Bed
     memory: Memory
     limits: Limits
-    account: Floats
+    account: Any
     contact: Floats
 
 
@@ -75,15 +42,15 @@ def set_tolerance(g: Flight, likely: float) -> None:
     downward acceleration at takeoff.
     """
     p, d = g.parts, g.model.dimensions
-    y, room = p.state.y, p.room
+    y, work = p.state.y, p.work
     for a in range(len(y)):
-        room.here[0, a] = y[a]
-    call(p.equation.fun, p.state.numbers[TIME], room.here, 0, room.out, 0, p.equation.own)
-    fall = -room.out[0, 2 * d - 1]
+        work.here[0, a] = y[a]
+    call(p.equation.fun, p.state.control[0].time, work.here, 0, work.out, 0, p.equation.own)
+    fall = -work.out[0, 2 * d - 1]
     if fall > 0.0:
         likely = min(likely, 2.0 * max(0.0, y[2 * d - 1]) / fall)
     likely = min(1.0, likely)
-    p.state.numbers[SCALE] = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # smaller where short: errors of so few steps do not average out
+    p.state.control[0].tolerance_factor = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # smaller where short: errors of so few steps do not average out
 
 
 def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
@@ -91,22 +58,22 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
 
     Into y[0]: JUMPS when enough are done, REST when it lies still, else ACCEPTED.
     """
-    model, bed, memory, limits, flight, contact = g.model, g.bed, g.memory, g.limits, g.account, g.contact
+    model, bed, memory, limits, flight, contact = g.model, g.bed, g.memory, g.limits, g.account[0], g.contact
     problem, state, spin, row, grain = g.parts.problem, g.parts.state, g.parts.equation.own, out, int(t)
     d = model.dimensions
-    s, numbers = state.y, state.numbers
+    s, control = state.y, state.control[0]
     x, z = s[0], s[d - 1]
     across = 0.0 if model.dimensions == 2 else s[1]
     stream = velocity_and_shear(model.profile, z)[0]
     u, w = s[d] + stream, s[2 * d - 1]
     v = 0.0 if model.dimensions == 2 else s[d + 1]
     ox, oy, oz = spin_of(model, s, spin)
-    duration = numbers[TIME] - flight[START]
+    duration = control.time - flight.start
     u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
     jx, jy, jz, tilt, clipped, normal_speed, contacts = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(MOST_CONTACTS):
-        draws = uniforms(bed.seed, grain, int(flight[IMPACTS]))
-        flight[IMPACTS] += 1.0
+        draws = uniforms(bed.seed, grain, flight.impacts)
+        flight.impacts += 1
         n, _level, angle, steep = contact_plane(bed.roughness, u, v, w, draws)
         closing = -(u * n[0] + v * n[1] + w * n[2])
         if not closing > 0.0:
@@ -114,7 +81,7 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
         contact[0, 0], contact[0, 1], contact[0, 2] = n
         contact[0, 3], contact[0, 4], contact[0, 5] = u, v, w
         contact[0, 6], contact[0, 7], contact[0, 8] = ox, oy, oz
-        call(bed.rebound, numbers[TIME], contact, 0, contact, 1, spin)
+        call(bed.rebound, control.time, contact, 0, contact, 1, spin)
         after = contact[1]
         if contacts == 0.0:
             tilt, clipped, normal_speed = angle, steep, closing
@@ -122,27 +89,27 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
         jx, jy, jz, contacts = jx + after[6], jy + after[7], jz + after[8], contacts + 1.0
         if w > 0.0:
             break
-    turned = flight[TURNED] if model.spins > 0 else spin[1] * duration
-    row[0], row[1], row[2], row[3] = flight[START], flight[X], flight[Y], flight[Z]
-    row[4], row[5], row[6], row[7] = flight[U], flight[V], flight[W], duration
-    row[8], row[9], row[10], row[11] = x - flight[X], across - flight[Y], flight[TOP] - flight[Z], turned
+    turned = flight.turned if model.spins > 0 else spin[1] * duration
+    row[0], row[1], row[2], row[3] = flight.start, flight.x, flight.y, flight.z
+    row[4], row[5], row[6], row[7] = flight.u, flight.v, flight.w, duration
+    row[8], row[9], row[10], row[11] = x - flight.x, across - flight.y, flight.top - flight.z, turned
     row[12], row[13], row[14], row[15] = u_in, v_in, w_in, normal_speed
     row[16], row[17], row[18], row[19], row[20], row[21] = tilt, clipped, jx, jy, jz, contacts
     row[22], row[23], row[24] = before
-    flight[DONE] += 1.0
-    flight[TAKEN] += 1.0
+    flight.done += 1
+    flight.taken += 1
     # the state and the memory after the impact
     if len(problem.where) > 0:
-        drop_oldest_impact(memory.before, memory.when, g.parts.cut.rates, state, int(flight[TAKEN]) - 1)
+        drop_oldest_impact(memory.before, memory.when, g.parts.truncation.rates, state, flight.taken - 1)
     apply_rebound(model, memory, problem, state, stream, u, v, w)
     if not limits.prescribed:
         set_spin(model, s, spin, ox, oy, oz)
     spin[3] = layer_of(model, z, w)
-    flight[SHORT] = flight[SHORT] + 1.0 if duration < limits.shortest else 0.0
+    flight.short = flight.short + 1 if duration < limits.shortest else 0
     # a contact that follows at once tells nothing about the flight after it
-    set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight[W], 1e-300)) if duration >= limits.shortest else math.inf)
-    take_off(flight, numbers[TIME], x, across, z, u, v, w)
-    y[0] = REST if flight[SHORT] >= limits.patience or w <= 0.0 else JUMPS if flight[TAKEN] >= limits.max_jumps else ACCEPTED
+    set_tolerance(g, duration * min(1.0, max(0.0, w) / max(flight.w, 1e-300)) if duration >= limits.shortest else math.inf)
+    take_off(flight, control.time, x, across, z, u, v, w)
+    y[0] = REST if flight.short >= limits.patience or w <= 0.0 else JUMPS if flight.taken >= limits.max_jumps else ACCEPTED
 
 
 land_entry = entry(landed, "some 3 s")
@@ -153,18 +120,18 @@ def looked(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
 
     Its polynomial is in the work space.
     """
-    model, bed, p, account = g.model, g.bed, g.parts, g.account
-    state, room, d = p.state, p.room, g.model.dimensions
-    kind = int(state.numbers[SINGULAR])
+    model, bed, p, account = g.model, g.bed, g.parts, g.account[0]
+    state, work, d = p.state, p.work, g.model.dimensions
+    kind = int(state.control[0].singular)
     near = state.y[d - 1] < bed.highest
     for i in range(len(p.nodes.c)):
-        near = near or room.states[i, d - 1] < bed.highest
+        near = near or work.states[i, d - 1] < bed.highest
     out[0] = out[1] = 2.0
     if near:
-        draws = uniforms(bed.seed, int(t), int(account[IMPACTS]))
-        out[0] = first_contact(model, bed, room.polynomial, state.y, kind, draws, state.numbers[TIME] == account[START])
-    if state.numbers[STEP] > 2.0 * p.problem.floor:
-        out[1] = leaving(model, room.polynomial, state.y, kind, p.equation.own[3], room.states)
+        draws = uniforms(bed.seed, int(t), account.impacts)
+        out[0] = first_contact(model, bed, work.polynomial, state.y, kind, draws, state.control[0].time == account.start)
+    if state.control[0].step > 2.0 * p.problem.floor:
+        out[1] = leaving(model, work.polynomial, state.y, kind, p.equation.own[3], work.states)
 
 
 look_entry = entry(looked, "some 3 s")
@@ -176,7 +143,7 @@ class Steps(NamedTuple):
     flight: Flight
     attempt: Any
     accept: Any
-    cut: Any
+    truncate: Any
     look: Any
     land: Any
     record: stepper.Record
@@ -186,8 +153,8 @@ class Steps(NamedTuple):
 @shared
 def ended(g: Flight) -> int:
     """Why the flight is over before its next step, ACCEPTED if it is not."""
-    time = g.parts.state.numbers[TIME]
-    if time - g.account[START] > g.limits.longest:
+    time = g.parts.state.control[0].time
+    if time - g.account[0].start > g.limits.longest:
         return ALOFT
     return HORIZON if time > g.memory.horizon else ACCEPTED
 
@@ -197,37 +164,37 @@ def flown(given: Steps, t: float, y: Any, out: Any, own: Any) -> None:
     was taken, up to the bed or to a kink.
     """
     g, p = given.flight, given.flight.parts
-    numbers, signal, model = p.state.numbers, p.room.signal, g.model
-    h, kind = numbers[STEP], int(numbers[SINGULAR])
+    control, signal, model = p.state.control[0], p.work.signal, g.model
+    h, kind = control.step, int(control.singular)
     code = ended(g)
     out[0], out[1] = code, 0.0
     if code != ACCEPTED:
         return
-    fit_polynomial(p.nodes, kind, h, p.values, p.room.polynomial)
+    fit_polynomial(p.nodes, kind, h, p.values, p.work.polynomial)
     call(given.look, float(g.bed.grain), signal, 0, signal, 0, p.equation.own)
     contact, kink = signal[0, 0], signal[0, 1]
     theta = min(contact, kink)
-    record_top_and_turning(model, p.room.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account)
+    record_top_and_turning(model, p.work.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account[0])
     out[0], out[1] = ACCEPTED, 0.0
     if theta > 1.0:
         if h <= 2.0 * p.problem.floor:
             d = model.dimensions
-            z, w = at(p.room.polynomial, p.state.y, kind, 1.0, d - 1), at(p.room.polynomial, p.state.y, kind, 1.0, 2 * d - 1)
+            z, w = at(p.work.polynomial, p.state.y, kind, 1.0, d - 1), at(p.work.polynomial, p.state.y, kind, 1.0, 2 * d - 1)
             p.equation.own[3] = layer_of(model, z, w)
         return
     keep(p, given.record, int(t), theta)
     given.record.leapt[int(t)] = 1.0 if contact <= kink else 0.0
-    call(given.cut, theta, signal, 0, signal, 0, signal)
+    call(given.truncate, theta, signal, 0, signal, 0, signal)
     out[0], out[1] = FULL, 1.0
     if kink < contact:
         cross_kink(model, p)
         return
-    call(given.land, float(g.bed.grain), signal, 0, given.jumps, int(g.account[DONE]), signal)
+    call(given.land, float(g.bed.grain), signal, 0, given.jumps, g.account[0].done, signal)
     code = int(signal[0, 0])
     out[0], out[1] = FULL, 1.0
     if code != ACCEPTED:
         out[0] = code
-    elif g.account[DONE] >= len(given.jumps):
+    elif g.account[0].done >= len(given.jumps):
         out[0] = CROWDED
 
 

@@ -36,7 +36,7 @@ DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # factor by which the local estimate of a regular step exceeds the error: measured, see tests/saltation/test_convergence.py
 ATOL = 1.0  # of velocities and spins, in V and V/d
 PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are rest
-CARE = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
+SINGULAR_FACTOR = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
 QUICK = 10.0  # V: a large slip after a takeoff
 FELT = 50.0  # a kernel's powers of time over the part of them that a singular step misses
 NEVER = -math.inf  # count of refused steps: the stepper never takes the equation for one with unknown kinks
@@ -88,7 +88,7 @@ class Accuracy(NamedTuple):
 
     stages: int
     tolerance: float
-    care: float
+    singular_factor: float
     follows: bool
 
 
@@ -97,13 +97,13 @@ def accuracy(scene: Any) -> Accuracy:
     rtol = scene.solver.rtol
     follows = "history" in scene.names and scene.options("history").kernel != "basset"
     # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
-    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), 4.0 * CARE if follows else CARE, follows)
+    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR, follows)
 
 
 def shortest(scene: Any) -> float:
     """The shortest step, d/V: by it the first one after a jump keeps the tolerance also where flights are short."""
-    n, time, (stages, tolerance, care, follows) = scene.numbers, relaxation(scene), accuracy(scene)
-    error = tolerance / care * min(1.0, max(loop.SHORTEST, 0.4 * time))
+    n, time, (stages, tolerance, singular_factor, follows) = scene.numbers, relaxation(scene), accuracy(scene)
+    error = tolerance / singular_factor * min(1.0, max(loop.SHORTEST, 0.4 * time))
     step = time * min(0.1, error ** (2.0 / (stages + 1))) if time < math.inf else math.inf
     if follows:  # K/K_Basset is a series in (C^(2/3) t)^(3/(2 c1))
         c1, c2 = KERNELS[scene.options("history").kernel]
@@ -152,7 +152,7 @@ class Engine:
             assert numbers.stage is not None
             self.prescribed = prescribed_spin(numbers.stage)
         rtol = scene.solver.rtol
-        stages, tolerance, care, follows = accuracy(scene)
+        stages, tolerance, factor, follows = accuracy(scene)
         horizon = (first_horizon(scene) if horizon is None else horizon) if self.members else None
         end = scene.end
         span = SPAN
@@ -169,10 +169,10 @@ class Engine:
         strength = np.full(self.members, numbers.history)
         self.horizon = horizon if horizon is not None else math.inf
         self.following = self._following(self.horizon) if follows else STAYS
-        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, singular_factor=care)
+        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, singular_factor=factor)
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
-        self.cut = stepper.Cut(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        self.truncation = stepper.Truncation(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = layout.Limits(
             scene.longest_flight, layout.SHORTEST_FLIGHT, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None)
         )
@@ -275,7 +275,7 @@ class Engine:
         memory: layout.Memory,
         state: stepper.State,
         own: Floats,
-        account: Floats,
+        account: Any,
         values: Floats,
         record: stepper.Record,
         jumps: Floats,
@@ -284,13 +284,13 @@ class Engine:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
         equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
-        room = stepper.room(tables.count, self.states, diagonal=True)
-        parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.cut, room))
+        work = stepper.workspace(tables.count, self.states, diagonal=True)
+        parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.truncation, work))
         whole = placed(loop.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))
         attempt, kept = self.attempt(parts)
-        accept, cut = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.cut_entry))
+        accept, truncate = (bind(parts)[0] for bind in (stepper.accept_entry, stepper.truncate_entry))
         look, land = (bind(whole)[0] for bind in (loop.look_entry, loop.land_entry))
-        return loop.Steps(whole, attempt, accept, cut, look, land, record, jumps), kept
+        return loop.Steps(whole, attempt, accept, truncate, look, land, record, jumps), kept
 
     def attempt(self, parts: Any, problem: stepper.Problem | None = None) -> tuple[Any, Any]:
         """The search for a step, of another problem if one is given; and what must be kept alive meanwhile."""
@@ -317,15 +317,13 @@ class Grain:
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
         first = engine.first() if start is None else start
         y = engine.state_of(first)
-        places = stepper.start_numbers(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
-        places[stepper.REFUSED] = NEVER
+        control = stepper.start_control(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
+        control[0].refusals = NEVER
         jump = y[d : d + members].copy()
-        self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), places)
+        self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), control)
         self.spin = np.array([*first.spin, equations.layer_of(engine.model, first.position[2], first.velocity[2])])
-        self.flight = np.zeros(14)
-        self.flight[[layout.X, layout.Y, layout.Z]] = first.position
-        self.flight[layout.TOP] = first.position[2]
-        self.flight[[layout.U, layout.V, layout.W]] = first.velocity
+        self.flight = np.zeros(1, dtype=layout.FLIGHT)
+        contact.take_off(self.flight[0], 0.0, *first.position, *first.velocity)
         options = engine.scene.options("history") if members else None
         kept = None if options is None else options.window_jumps
         self.memory = engine.memory(kept or 0)
@@ -334,23 +332,18 @@ class Grain:
         self._bound: tuple[tuple[Any, ...], Any] | None = None
 
     def fly(self, record: stepper.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
-        """Fly until the caller is needed; missing tables are made on the way. (code, steps recorded)."""
+        """Fly until the caller is needed. (code, steps recorded)."""
         engine = self.engine
         given = (engine, engine.problem, engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values, record, jumps)
         if self._bound is None or any(one is not other for one, other in zip(self._bound[0], given, strict=True)):
+            engine.tables.fill_all()
             steps, kept = engine.steps(*given[2:], problem=engine.problem)
-            if engine.scene.bed is not None and self.state.numbers[stepper.STEPS] == 0.0:
+            if engine.scene.bed is not None and self.state.control[0].steps == 0:
                 loop.set_tolerance(steps.flight, math.inf)
             self._bound = given, (steps, loop.fly_entry(steps), placed(record), kept)
         steps, (watch, _), log, _ = self._bound[1]
-        parts = steps.flight.parts
-        while True:
-            code, done = stepper.march(steps.attempt, watch, True, parts, NOTHING_LOGGED, 1, log, recording)
-            if code != stepper.TABLE:
-                return code, done
-            engine.tables.fill(parts.odd, self.state.numbers)
-            if done:
-                return stepper.FULL, done
+        code, done = stepper.march(steps.attempt, watch, True, steps.flight.parts, NOTHING_LOGGED, 1, log, recording)
+        return code, done
 
 
 def empty_record(steps: int, stages: int, states: int) -> stepper.Record:

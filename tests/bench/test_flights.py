@@ -22,7 +22,7 @@ def test_the_loop_written_by_hand_flies_the_simulators_jumps(rtol):
     steps = hand_written.fly(hand_written.case_of(engine), hand_written.nodes_of(engine), room, state.y, jumps)
     grain, table = suite.fly(engine, JUMPS)
     np.testing.assert_allclose(jumps, table[:, suite.PLACES], rtol=0.0, atol=1e-12)
-    assert steps == grain.state.numbers[suite.stepper.STEPS]
+    assert steps == grain.state.control[0].steps
 
 
 def test_the_loop_written_by_hand_refuses_other_scenes():

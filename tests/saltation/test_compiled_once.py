@@ -25,13 +25,13 @@ def test_another_set_of_effects_compiles_no_step(changes, solver):
     made = scene("sand", **short, **changes)
     with numba.core.event.install_listener("numba:compile", found := Compilations()):
         warm(made)
-    steps = {"march", "attempted", "solved_diagonally", "accepted", "cut", "landed", "looked", "checked", "flown", "cut_memory", "steps", "newton"}
+    steps = {"march", "attempted", "solved_diagonally", "accepted", "truncated", "landed", "looked", "checked", "flown", "truncate_memory", "steps", "newton"}
     assert not steps & set(found.names)
 
 
 def test_all_scenes_have_one_type_of_loop():
     kinds = {
-        tuple(numba.typeof(getattr(engine, name)) for name in ("model", "bed", "limits", "problem", "following", "cut"))
+        tuple(numba.typeof(getattr(engine, name)) for name in ("model", "bed", "limits", "problem", "following", "truncation"))
         for engine in (Engine(scene("sand", **changes)) for changes in SETS)
     }
     assert len(kinds) == 1

@@ -9,7 +9,6 @@ import pytest
 from scene_cases import flown, scene
 
 import saltation
-from basset.solvers import stepper
 from saltation.flight import layout
 from saltation.flight.setup import Engine, Grain, empty_record
 
@@ -52,7 +51,8 @@ def steps_of(name, rtol, history=True):
     grain = Grain(engine)
     code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, np.zeros((JUMPS, len(layout.COLUMNS))))
     assert code == layout.JUMPS
-    return grain.state.numbers[[stepper.STEPS, stepper.CALLS]] / JUMPS
+    control = grain.state.control[0]
+    return np.array([control.steps, control.calls]) / JUMPS
 
 
 @pytest.mark.parametrize("rtol", RTOLS)
@@ -139,14 +139,14 @@ def test_of_short_jumps(name, seed):
     engine = Engine(made("sand", rtol, **SHORT[name], run={"jumps": 100, "discard": 0, "seed": seed}))
     grain, loose = Grain(engine), engine.problem
     state = grain.state
-    arrays = (state.y, state.rate, state.past, state.jump, state.numbers, grain.spin, grain.flight, grain.values)
+    arrays = (state.y, state.rate, state.past, state.jump, state.control, grain.spin, grain.flight, grain.values)
     for taken in range(30):
         before, pair = [array.copy() for array in arrays], []
         engine.limits = engine.limits._replace(max_jumps=taken + 1.0)
         for problem in (loose._replace(rtol=0.01 * loose.rtol, atol=0.01 * loose.atol), loose):
             for array, kept in zip(arrays, before, strict=True):
                 array[...] = kept
-            grain.flight[layout.DONE], engine.problem, table = 0.0, problem, np.zeros((1, len(layout.COLUMNS)))
+            grain.flight[0].done, engine.problem, table = 0, problem, np.zeros((1, len(layout.COLUMNS)))
             code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
             assert code == layout.JUMPS or problem is not loose
             pair.append(table[0, [layout.COLUMNS.index(column) for column in ("rise", "length", "duration")]] if code == layout.JUMPS else np.full(3, np.nan))

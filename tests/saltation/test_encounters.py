@@ -17,7 +17,7 @@ from basset._compile import compiled
 from saltation.bed.contact import strike_pair
 from saltation.flight import cloud, loop
 from saltation.flight import collisions as encounters
-from saltation.flight.collisions import BEND, DEEPEST_OVERLAP, PACE, ROOT, SPREAD, U, W
+from saltation.flight.collisions import DEEPEST_OVERLAP
 
 TOUCH = 1e-12  # d: surfaces nearer than this (and rounding of the time, 1e-14 of it) touch; the rest is rounding
 ELASTIC = {"restitution": 1.0, "friction": 0.0, "slowest": 0.0}
@@ -325,7 +325,7 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
         stream = loop.velocity_and_shear(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
         assert np.abs(flown(0.0)[0]).max() < 1e-14
-        chord = path[U : W + 1]
+        chord = np.array([path.u, path.v, path.w])
         last, before = 0.0, flown(0.0)[1]
         for s in np.linspace(0.1, 1.0, 10) * (math.sqrt(share) if singular else share):
             place, velocity = flown(s)
@@ -333,9 +333,9 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
             nodes = 0.5 * s * (x + 1.0)
             integral = sum(0.5 * s * h * b * (2.0 * a if singular else 1.0) * flown(a)[1] for a, b in zip(nodes, w, strict=True))
             assert np.abs(place - integral).max() < 1e-13
-            assert np.linalg.norm(place - chord * time) <= path[SPREAD]
-            assert np.linalg.norm(velocity - chord) <= path[PACE]
-            assert np.linalg.norm(velocity - before) <= (path[ROOT] * math.sqrt(h) if singular else path[BEND] * h) * (s - last) + 1e-12
+            assert np.linalg.norm(place - chord * time) <= path.spread
+            assert np.linalg.norm(velocity - chord) <= path.pace
+            assert np.linalg.norm(velocity - before) <= (path.root * math.sqrt(h) if singular else path.bend * h) * (s - last) + 1e-12
             last, before = s, velocity
         return half
 
