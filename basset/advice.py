@@ -467,12 +467,18 @@ def expense(recipe: Recipe, steps: int, columns: int, use: str, machine: Machine
     terms, window = len(recipe.tail or ()), recipe.window
     each = machine.column + machine.term * terms
     if window is None:
-        each, slots = each + machine.whole + machine.node * 0.5 * steps, 2 * (steps + 1)
+        each += machine.whole + machine.node * 0.5 * steps
     else:
         nodes = recipe.lags + 1
         each += machine.whole * min(1.0, max(recipe.degree + 1, nodes - 2) / steps)  # until the window is full
-        each, slots = each + machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0), 2 * nodes + window + 1
-    return machine.call + steps * (machine.step + columns * each), 8 * columns * (slots + terms + 1)
+        each += machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0)
+    return machine.call + steps * (machine.step + columns * each), bytes_of(recipe, steps, columns)
+
+
+def bytes_of(recipe: Recipe, steps: int, columns: int) -> int:
+    """Memory of a stream."""
+    slots = 2 * (steps + 1) if recipe.window is None else 2 * (recipe.lags + 1) + recipe.window + 1
+    return 8 * columns * (slots + len(recipe.tail or ()) + 1)
 
 
 def calibrated() -> Machine:
