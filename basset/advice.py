@@ -83,10 +83,6 @@ class Candidate:
     >>> candidate = Candidate(Exponential(3, 1e-6), 0.1, 100, 1e-4, 1e-3, 10_000, True)
     >>> candidate.code
     'basset.Exponential(order=3, rtol=1e-06)'
-    >>> print(candidate.toml)
-    scheme = "exponential"
-    order = 3
-    rtol = 1e-06
     """
 
     rule: Rule
@@ -102,11 +98,6 @@ class Candidate:
         """The Python expression of the rule."""
         return code(self.rule)
 
-    @property
-    def toml(self) -> str:
-        """The lines that select the scheme in the [history] table of a scene at fixed steps."""
-        return "\n".join(f"{name} = {json.dumps(value)}" for name, value in words(self.rule).items())
-
 
 def code(rule: Rule) -> str:
     """The Python expression of a rule."""
@@ -115,16 +106,6 @@ def code(rule: Rule) -> str:
     tail = rule.tail
     kernel = "" if isinstance(tail.kernel, BassetKernel) else f", basset.{tail.kernel!r}"
     return f"basset.Windowed({code(rule.rule)}, {rule.window!r}, basset.ExponentialSum.fit({tail.near!r}, {tail.far!r}, {tail.rtol!r}{kernel}))"
-
-
-def words(rule: Rule) -> dict[str, Any]:
-    """A rule as the words of a scene's [history] table."""
-    if isinstance(rule, Windowed):
-        inner = {name: value for name, value in words(rule.rule).items() if name != "scheme"}
-        tail = {"tail": False} if rule.tail is None else {"tail": "fitted", "rtol": rule.tail.rtol}
-        return {"scheme": "windowed", "rule": rule.rule.name, **inner, "window": rule.window, **tail}
-    given = {name: getattr(rule, name, None) for name in ("order", "rtol", "window")}
-    return {"scheme": rule.name, **{name: value for name, value in given.items() if value is not None}}
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Unless in full it takes seconds, a minute at most with what it has to compile. `
 TOO_LONG = {
     "advice": "thousands of timed rivals",
     "choosing": "32 sets of effects to compile",
+    "choosing_scheme": "thousands of flights",
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains, and a campaign",
     "peers": "other packages",

@@ -23,9 +23,9 @@ def schemes(table: pd.DataFrame, scene: str = "") -> Figure:
     for solver, (colour, marker) in LOOKS.items():
         label = solver.replace("_", " ")
         for _, own in shown[shown["solver"] == solver].groupby("scheme", sort=False):
-            rows = own.sort_values("seconds")
+            rows = own.sort_values("error", ascending=False)
             axes.plot(rows["seconds"], 100.0 * rows["error"], color=colour, alpha=0.35, linewidth=1.0)
-            for flown, part in rows.groupby(rows["runs"] > 0):
+            for flown, part in sorted(rows.groupby(rows["runs"] > 0), reverse=True, key=lambda pair: pair[0]):
                 face = colour if flown else "none"
                 axes.plot(part["seconds"], 100.0 * part["error"], color=colour, marker=marker, markerfacecolor=face, linestyle="none", label=label)
                 label = "_"

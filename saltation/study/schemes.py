@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, get_args
 
 import numpy as np
@@ -49,14 +48,16 @@ TAILS = (False, "fitted", "van_hinsberg", "casas")
 TAIL_SHARE = 0.1  # of the wanted error, for what a fitted sum loses
 COARSEST, FINER = 1.0 / 32.0, 4.0  # the first step over a mean jump; over the next one
 RUNGS = 4  # steps of a ladder, at most
-FIRST, CHAIN, START = 20, 60, 10  # jumps of the first look, of other runs; those left out at their start, at most
+FIRST, CHAIN, START = 12, 60, 10  # jumps of the first look, of other runs; those left out at their start, at most
 LOOKS, MOST = 2, 96  # runs of a candidate with other beds: at first, at most
 KEPT = 2  # candidates that go on to the next step, of those that drop nothing of the past and of the others
 HOPELESS = 8.0  # predicted time over the best so far: not worth a closer look
 CLOSE = 1.6  # those within it of the best are timed against each other
 TIMED = 300  # jumps of such a run
 STEPS = 2e5  # of it, at most
-PATIENCE, ONCE = 20.0, 0.5  # s of CPU time for one candidate at one step, at most; what takes longer is timed once
+PATIENCE, ONCE = 4.0, 0.5  # s of CPU time for one candidate at one step, at most; what takes longer is timed once
+
+NOTHING = 1e-9  # d or V: a mean that is none, such as a length where nothing moves along; errors are then in these units
 
 Say = Callable[[str], None]
 
@@ -165,7 +166,8 @@ class Entry:
 
     def predicted(self, size: float, order: float) -> Sample:
         """Errors A·dtᵖ + B and the time at another step; B is what no step removes, of those that drop a part of the past. Both count with their size: no
-        error is small because they cancel."""
+        error is small because they cancel.
+        """
         last = self.last
         step, floor = np.abs(last.change), np.zeros(len(VARIABLES))
         if not self.candidate.whole and len(self.samples) > 1:
@@ -184,7 +186,7 @@ class Entry:
         before = self.samples[-2]
         if self.grows:
             power = math.log(last.seconds / before.seconds) / math.log(before.size / last.size)
-            return last.seconds * (last.size / size) ** min(2.0, max(1.0, power))
+            return float(last.seconds * (last.size / size) ** min(2.0, max(1.0, power)))
         each = max(0.0, (last.seconds - before.seconds) / (1.0 / last.size - 1.0 / before.size))
         return last.seconds + max(each * (1.0 / size - 1.0 / last.size), -0.9 * last.seconds)
 
@@ -196,7 +198,8 @@ class Entry:
 
 def alike(one: Entry, other: Entry) -> bool:
     """Whether two are variants of one scheme with one solver."""
-    return (one.candidate.method, *one.candidate.history[:1]) == (other.candidate.method, *other.candidate.history[:1])
+    words, others = (dict(entry.candidate.history) for entry in (one, other))
+    return (one.candidate.method, words["scheme"], words.get("rule")) == (other.candidate.method, others["scheme"], others.get("rule"))
 
 
 def rounded(size: float) -> float:
@@ -266,20 +269,21 @@ def flown(text: str) -> tuple[str, Floats, float]:
 class Trial:
     """One scene, its reference runs, and what candidates do beside them."""
 
-    def __init__(self, scene: Scene, executor: Executor | None, say: Say) -> None:
-        self.given, self.executor, self.say = scene, executor, say
+    def __init__(self, scene: Scene, executor: Executor | None, say: Say, chain: int = CHAIN, tight: Sequence[float] = REFERENCES) -> None:
+        self.given, self.executor, self.say, self.chain = scene, executor, say, chain
         names = [name for name in scene.names if name != "encounters"]
         alone = {"effects": names, "cloud": None, "encounters": None} if scene.cloud is not None else {}
-        self.scene = scene.changed(**alone, run={"jumps": scene.run.jumps or CHAIN, "duration": None, "discard": 0, "trajectory": False})
-        self.rtol = next((rtol for rtol in REFERENCES if self.accepts(EXACT, rtol)), REFERENCES[-1])
+        self.scene = scene.changed(**alone, run={"jumps": scene.run.jumps or chain, "duration": None, "discard": 0, "trajectory": False})
+        self.rtol = next((rtol for rtol in tight if self.accepts(EXACT, rtol)), tight[-1])
         self.tables: list[Floats] = []
-        self.jumps = self.scene.run.jumps or CHAIN
+        self.jumps = self.scene.run.jumps or chain
         self.duration = 1.0
         self.reference(LOOKS)
         self.duration = float(np.mean([table[:, -1].mean() for table in self.tables]))
         if scene.run.duration is not None:
             self.jumps = max(1, round(scene.end / self.duration))
-        self.means = np.mean([table[self.discard :, :-1].mean(axis=0) for table in self.tables], axis=0)
+        means = np.mean([table[self.discard :, :-1].mean(axis=0) for table in self.tables], axis=0)
+        self.means = np.where(np.abs(means) > NOTHING, means, 1.0)
 
     def accepts(self, candidate: Candidate, size: float) -> bool:
         """Whether it makes a scene, of one grain and of all."""
@@ -291,7 +295,7 @@ class Trial:
     @property
     def count(self) -> int:
         """Jumps of a run beside the reference."""
-        return min(self.jumps, CHAIN) if self.scene.run.jumps is not None else CHAIN
+        return min(self.jumps, self.chain) if self.given.run.jumps is not None else self.chain
 
     @property
     def discard(self) -> int:
@@ -340,7 +344,8 @@ class Trial:
         discard = self.discarded(jumps)
         mine, others = ([table[discard:jumps, :-1] for table in tables] for tables in ([table for _, table, _ in flights], self.tables[:runs]))
         found = cases.paired(mine, others, self.means)
-        seconds = min(taken for _, _, taken in flights) / jumps
+        once = self.fly([self.paired_scene(entry.candidate, size, 1)])[0][2] if jumps < self.count else 0.0
+        seconds = max(1e-9, min(taken for _, _, taken in flights) - once) / jumps
         return Sample(size, found.mean, found.error, seconds * (self.jumps / jumps if entry.grows else 1.0), runs=runs)
 
     def decided(self, entry: Entry, size: float, error: float, most: int = MOST) -> Sample:
@@ -354,18 +359,20 @@ class Trial:
             runs = min(most, 4 * runs)
 
     def timed(self, samples: Sequence[tuple[Entry, Sample]]) -> None:
-        """Time some against each other, without what they need before the first jump; those that sum all of the past by the growth from one half to the other."""
+        """Time some against each other, without what comes before the first jump; the whole past by the growth from one half to the other."""
         scenes = {}
         for k, (entry, sample) in enumerate(samples):
             steps = self.duration / sample.size if entry.candidate.fixed else 0.0
-            jumps = int(min(CHAIN // 2 if entry.grows else CHAIN if entry.candidate.fixed else TIMED, max(8.0, STEPS / max(steps, 1.0))))
-            for count in (1, jumps // 2, jumps) if entry.grows else (1, jumps):
+            most = CHAIN // 2 if entry.grows else CHAIN if entry.candidate.fixed else TIMED
+            jumps = int(min(most, self.jumps, max(8.0, STEPS / max(steps, 1.0))))
+            for count in {1, jumps // 2 if entry.grows and jumps > 3 else 1, jumps}:
                 scenes[k, count] = self.paired_scene(entry.candidate, sample.size, count)
         taken = cases.seconds_of(scenes, rounds=3, patience=ONCE)
-        for k, (entry, sample) in enumerate(samples):
-            counts = [count for place, count in scenes if place == k]
-            each = np.diff([taken[k, count] for count in counts]) / np.diff(counts)
-            rise = max(0.0, float(each[-1] - each[0])) if entry.grows else 0.0
+        for k, (_, sample) in enumerate(samples):
+            counts = sorted(count for place, count in scenes if place == k)
+            times = [taken[k, count] for count in counts]
+            each = np.diff(times) / np.diff(counts) if len(counts) > 1 else np.array(times)
+            rise = max(0.0, float(each[-1] - each[0]))
             sample.seconds, sample.timed = max(float(each[0] + rise * (self.jumps / counts[-1] - 0.5)), 1e-9), True
 
 
@@ -419,10 +426,9 @@ class Ladder:
                 return
             best = self.goal(ranked[0])
             assert best is not None
-            hopeless = best.seconds > HOPELESS * rival and self.budget == math.inf
-            if rung and self.dt is None and (best.size >= size or (hopeless and rung > 1)):
+            if rung and self.dt is None and self.budget == math.inf and (best.size >= size or (rung > 1 and best.seconds > HOPELESS * rival)):
                 return
-            going = self.survivors(ranked, 1 if rung and hopeless else KEPT, sizes[rung + 1], rung == 0)
+            going = self.survivors(ranked, rival, sizes[rung + 1], rung == 0)
 
     def ranked(self, entries: Iterable[Entry]) -> list[Entry]:
         """The quickest at the error first; those that do not come to it are left out, unless none does."""
@@ -432,18 +438,18 @@ class Ladder:
         least = max(self.error, 1.3 * min((goal.largest for _, goal in goals), default=0.0))
         return [entry for entry, _ in sorted(((e, g) for e, g in goals if g.largest <= least or self.dt is None), key=lambda pair: pair[1].seconds)]
 
-    def survivors(self, ranked: Sequence[Entry], number: int, size: float, each: bool) -> list[Entry]:
-        """The best of those that drop nothing and of the others, as far as they can be afforded; `each`: also the best of each scheme and solver."""
+    def survivors(self, ranked: Sequence[Entry], rival: float, size: float, each: bool) -> list[Entry]:
+        """The best of those that drop nothing and of the others, as far as they can be afforded; `each`: also the best of each scheme and solver.
 
-        def affordable(entry: Entry) -> bool:
-            return entry.time_at(size) * self.trial.count * LOOKS < PATIENCE
-
-        kept = [entry for entry in ranked if affordable(entry)]
-        found = [entry for whole in (True, False) for entry in [e for e in kept if e.candidate.whole is whole][:number]]
-        for entry in kept if each else ():
+        What neither keeps the error nor is quicker than what does is beaten at every step: of those only the best goes on, to tell by how much.
+        """
+        kept = [entry for entry in ranked if entry.time_at(size) * self.trial.count * LOOKS < PATIENCE]
+        open_ = [entry for entry in kept if entry.last.seconds <= 2.0 * rival]
+        found = [entry for whole in (True, False) for entry in [e for e in open_ if e.candidate.whole is whole][:KEPT]]
+        for entry in open_ if each else ():
             if not any(alike(entry, other) for other in found):
                 found.append(entry)
-        return found
+        return found or kept[:1]
 
     def confirm(self, rival: float, tries: int = 3) -> None:
         """Fly the best at its step, if its predicted time is of interest; a step that does not keep the error is shortened."""
@@ -566,7 +572,9 @@ def measured(trial: Trial, error: float, dt: float | None, seconds: float | None
 
 
 def grows(trial: Trial, candidate: Candidate, size: float) -> bool:
-    """Whether a scheme sums all of the past, at every jump anew from its beginning."""
+    """Whether a scheme sums all of the past, so that every jump is dearer than the one before."""
+    if "window" in dict(candidate.history):
+        return False
     scene = trial.scene.changed(**candidate.words(size))
     rule = scene.history_rule()
     return rule.recipe(size, scene.horizon, BassetKernel()).window is None and scene.options("history").rebound not in ("restart", "reset")
@@ -632,7 +640,8 @@ def table_of(trial: Trial, entries: Sequence[Entry], ladder: Ladder, error: floa
 
 def ranking(table: pd.DataFrame, dt: float | None = None, budget: float = math.inf) -> pd.DataFrame:
     """Rows in the order of choice: what keeps the error by its time, what does not by its error. Within a budget (s per jump) the most exact comes first; at a
-    given step (d/u*) all others are only to compare with."""
+    given step (d/u*) all others are only to compare with.
+    """
     short = table["seconds"] <= budget if budget < math.inf else pd.Series(True, index=table.index)
     wanted = short & (table["status"] == "finished") & (True if dt is None else table["dt"] == dt)
     first = wanted & table["keeps"] if budget == math.inf else wanted
