@@ -510,7 +510,7 @@ def select_scheme(
 
     Raises
     ------
-    SceneError, ValueError
+    SceneError, ValueError, TypeError
         For a scene that has no history or no bed or that does not finish its jumps, and for what is out of range.
 
     References
