@@ -83,10 +83,6 @@ class Candidate:
     >>> candidate = Candidate(Exponential(3, 1e-6), 0.1, 100, 1e-4, 1e-3, 10_000, True)
     >>> candidate.code
     'basset.Exponential(order=3, rtol=1e-06)'
-    >>> print(candidate.toml)
-    scheme = "exponential"
-    order = 3
-    rtol = 1e-06
     """
 
     rule: Rule
@@ -102,11 +98,6 @@ class Candidate:
         """The Python expression of the rule."""
         return code(self.rule)
 
-    @property
-    def toml(self) -> str:
-        """The lines that select the scheme in the [history] table of a scene at fixed steps."""
-        return "\n".join(f"{name} = {json.dumps(value)}" for name, value in words(self.rule).items())
-
 
 def code(rule: Rule) -> str:
     """The Python expression of a rule."""
@@ -115,16 +106,6 @@ def code(rule: Rule) -> str:
     tail = rule.tail
     kernel = "" if isinstance(tail.kernel, BassetKernel) else f", basset.{tail.kernel!r}"
     return f"basset.Windowed({code(rule.rule)}, {rule.window!r}, basset.ExponentialSum.fit({tail.near!r}, {tail.far!r}, {tail.rtol!r}{kernel}))"
-
-
-def words(rule: Rule) -> dict[str, Any]:
-    """A rule as the words of a scene's [history] table."""
-    if isinstance(rule, Windowed):
-        inner = {name: value for name, value in words(rule.rule).items() if name != "scheme"}
-        tail = {"tail": False} if rule.tail is None else {"tail": "fitted", "rtol": rule.tail.rtol}
-        return {"scheme": "windowed", "rule": rule.rule.name, **inner, "window": rule.window, **tail}
-    given = {name: getattr(rule, name, None) for name in ("order", "rtol", "window")}
-    return {"scheme": rule.name, **{name: value for name, value in given.items() if value is not None}}
 
 
 @dataclass(frozen=True)
@@ -469,12 +450,18 @@ def expense(recipe: Recipe, steps: int, columns: int, use: str, machine: Machine
     terms, window = len(recipe.tail or ()), recipe.window
     each = machine.column + machine.term * terms
     if window is None:
-        each, slots = each + machine.whole + machine.node * 0.5 * steps, 2 * (steps + 1)
+        each += machine.whole + machine.node * 0.5 * steps
     else:
         nodes = recipe.lags + 1
         each += machine.whole * min(1.0, max(recipe.degree + 1, nodes - 2) / steps)  # until the window is full
-        each, slots = each + machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0), 2 * nodes + window + 1
-    return machine.call + steps * (machine.step + columns * each), 8 * columns * (slots + terms + 1)
+        each += machine.node * nodes + (machine.stall if nodes % VECTOR == 0 else 0.0)
+    return machine.call + steps * (machine.step + columns * each), bytes_of(recipe, steps, columns)
+
+
+def bytes_of(recipe: Recipe, steps: int, columns: int) -> int:
+    """Memory of a stream."""
+    slots = 2 * (steps + 1) if recipe.window is None else 2 * (recipe.lags + 1) + recipe.window + 1
+    return 8 * columns * (slots + len(recipe.tail or ()) + 1)
 
 
 def calibrated() -> Machine:

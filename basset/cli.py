@@ -34,10 +34,7 @@ SHOWN = 12  # candidates in a table
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
-SCENES = (
-    "in a scene with fixed steps, with times in the unit of its dt; the error is that of given samples, not of a scene's grains: at a takeoff the "
-    "slip begins as √t, and the error there is far larger:"
-)
+SCENES = "for a scene `saltation scheme SCENE` measures: the error above is that of given samples, at takeoffs, where the slip begins as √t, it is far larger"
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
 
 
@@ -117,8 +114,8 @@ def advise(file: Path | None, kind: str, sample_step: float | None, variable: st
     if file is not None:
         out.print(f"\ntime scale of the samples: {found.time_scale:.3g} s")
     out.print(f"\ntake, with dt = {best.dt:.6g} s:\n{best.code}", soft_wrap=True)
-    if options["use"] == "stream" and isinstance(kernel, basset.BassetKernel):
-        out.print(f"\n{SCENES}\n[history]\n{best.toml}", soft_wrap=True)
+    if options["use"] == "stream":
+        out.print(f"\n{SCENES}", soft_wrap=True)
 
 
 def ranking(found: Advice) -> Table:

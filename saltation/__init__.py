@@ -9,13 +9,15 @@ if TYPE_CHECKING:
     from saltation.results.files import open_result as open
     from saltation.results.result import Result
     from saltation.scene import Scene, SceneError, load
+    from saltation.study.schemes import select_scheme
 else:
     _places = {
         **dict.fromkeys(("campaign", "run"), "front"),
         "Result": "results.result",
         "open": "results.files:open_result",
         **dict.fromkeys(("Scene", "SceneError", "load"), "scene"),
+        "select_scheme": "study.schemes",
     }
     __getattr__, __dir__ = face(__name__, globals(), _places)
 
-__all__ = ["Result", "Scene", "SceneError", "campaign", "load", "open", "run"]
+__all__ = ["Result", "Scene", "SceneError", "campaign", "load", "open", "run", "select_scheme"]

@@ -1,4 +1,4 @@
-"""The commands `saltation run|check|advise|ablate|uncertainty|schema|scenes|campaign|plot|warmup`.
+"""The commands `saltation run|check|advise|ablate|uncertainty|scheme|schema|scenes|campaign|plot|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -34,24 +34,27 @@ if TYPE_CHECKING:
     from rich.progress import TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.table import Table
 
-    from basset import _validate
+    from basset import _validate, measure
     from saltation import front, statistics
     from saltation.plots import choices as advice_plots
+    from saltation.plots import schemes as scheme_plots
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
-    from saltation.study import campaigns, checks, choices, grains, thesis
+    from saltation.study import campaigns, checks, choices, grains, schemes, thesis
     from saltation.study import effects as advice
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
-    pd, _validate = Later("pandas"), Later("basset._validate")
+    pd, _validate, measure = map(Later, ("pandas", "basset._validate", "basset.measure"))
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
-    campaigns, checks, choices = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices"))
+    campaigns, checks, choices, schemes = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices", "schemes"))
     advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
-    advice_plots, front, statistics = (Later(f"saltation.{name}") for name in ("plots.choices", "front", "statistics"))
+    advice_plots, scheme_plots = (Later(f"saltation.plots.{name}") for name in ("choices", "schemes"))
+    front, statistics = (Later(f"saltation.{name}") for name in ("front", "statistics"))
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
+SCHEMES_SHOWN = 12  # candidates in a printed ranking
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
 SERIES = {name: Later("saltation.study.thesis", name) for name in ("thesis", "grains")}
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
@@ -272,6 +275,38 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
         with stoppable(None), progress("combining", TimeElapsedColumn()) as report:
             everything = choices.combinations(made, progress=report)
         print_combinations(out, everything, made)
+    print_written(output)
+
+
+@main.command("scheme")
+@click.argument("scene")
+@SET
+@click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative error of mean height, length and speed.")
+@click.option("--dt", type=float, help="A given step (d/u*): schemes at fixed steps alone.")
+@click.option("--seconds", type=float, help="CPU time that the scene's run may take (s): the most exact within it.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The ranking (JSON, with the scene; CSV) or the diagram (PNG, PDF, SVG).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float | None, seconds: float | None, output: Path | None, force: bool) -> None:
+    """Which history scheme and solver give SCENE's mean jumps to a wanted error in the least time, measured on the scene itself.
+
+    Prints the lines for the scene file.
+    """
+    if output is not None:
+        if output.suffix not in (".json", ".csv", ".png", ".pdf", ".svg"):
+            raise Mistake(f"--output must end in .json, .csv, .png, .pdf or .svg, got {str(output)!r}")
+        check_output(output, force)
+    made = scene_of(changed(read(scene), changes))
+    try:
+        with stoppable(None):
+            table = schemes.select_scheme(made, error, dt, seconds=seconds, say=lambda text: click.echo(text, err=True))
+    except ValueError as mistake:
+        raise Mistake(str(mistake)) from None
+    if output is not None and output.suffix == ".json":
+        with mistakes_of_files("--output"):
+            measure.write_json(output, {**table.attrs, "scene": json.loads(table.attrs["scene"]), "rows": table.to_dict("records")})
+    else:
+        deliver(output, table, partial(scheme_plots.schemes, scene=named(scene)))
+    print_schemes(console(), table)
     print_written(output)
 
 
@@ -670,6 +705,17 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
         cells = [f"{change:+.1f} ± {error:.1g}" if math.isfinite(change) else "–" for change, error in pairs]
         shown.add_row(*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed))
     out.print(shown)
+
+
+def print_schemes(out: Console, table: pd.DataFrame) -> None:
+    """The best row of each candidate, what was chosen and why, the lines for the scene file."""
+    shown = Table("scheme", "solver", "dt (d/u*)", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
+    for _, row in table.drop_duplicates(["scheme", "solver"]).head(SCHEMES_SHOWN).iterrows():
+        size = [f"{row[name]:g}" if math.isfinite(row[name]) else "" for name in ("dt", "rtol")]
+        note = "extrapolated" if row["runs"] == 0 else "" if row["status"] == "finished" else row["status"]
+        shown.add_row(row["scheme"], row["solver"], *size, f"{100.0 * row['error']:.2g}", f"{row['seconds']:.2g}", f"{row['bytes']:.3g}", note)
+    out.print(shown)
+    out.print(f"\n{schemes.verdict(table)}\n\nin the scene file:\n{table.attrs['toml']}", soft_wrap=True)
 
 
 def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:

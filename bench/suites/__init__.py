@@ -7,6 +7,7 @@ TOO_LONG = {
     "advice": "thousands of timed rivals",
     "chapter4": "a hundred and more clouds",
     "choosing": "32 sets of effects to compile",
+    "choosing_scheme": "thousands of flights",
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains",
     "peers": "other packages",

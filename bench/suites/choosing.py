@@ -43,7 +43,7 @@ def reference_runs(scene: Any, error: float) -> list[dict[str, Any]]:
     """Every set with a seed of its own: changes against all effects, their bounds, the time per jump."""
     sets = every_set(scene.changed(run={"seed": SEED}))
     table = cases.compare(cases.fly_to_error(sets, error, None, None)[0])
-    table["time"] = advice.relative_costs(sets)
+    table["time"] = cases.relative_costs(sets)
     return [{"effects": str(name).split("+"), "largest": largest(row), **plain(row)} for name, row in table.iterrows()]
 
 

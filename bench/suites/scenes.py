@@ -20,6 +20,7 @@ from basset.kernels import Floats
 from bench.grains import at_fixed_steps, base, changed
 from saltation import statistics
 from saltation.scene import scene_of
+from saltation.study import cases
 
 JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; a short one for slow schemes; left out of the means in both
 QUANTITIES = ("height", "length")
@@ -175,26 +176,11 @@ def collocations(rebound: str) -> list[Flight]:
 
 
 def paired(tables: Sequence[Floats], others: Sequence[Floats], means: Floats) -> dict[str, dict[str, float]]:
-    """Mean difference of jumps flown over the same bed, in units of the mean jump, its standard error, and that of single jumps.
-
-    One table per seed, (jumps, quantities); of the longer of two the first jumps are taken. Neighbouring jumps depend on each
-    other: the standard error of each seed's mean is by blocks, and seeds are independent.
-    """
-    found = {}
-    for k, name in enumerate(QUANTITIES):
-        apart = []
-        for table, other in zip(tables, others, strict=True):
-            count = min(len(table), len(other))
-            apart.append((table[:count, k] - other[:count, k]) / means[k])
-        errors = [statistics.standard_error(values) for values in apart]
-        every = np.concatenate(apart)
-        found[name] = {
-            "bias": float(np.mean([values.mean() for values in apart])),
-            "se": float(np.sqrt(np.sum(np.square(errors))) / len(errors)),
-            "rms": float(np.sqrt(np.mean(every**2))),
-            "max": float(np.abs(every).max()),
-        }
-    return found
+    """`cases.paired` by quantity, and the root mean square and the largest difference of single jumps."""
+    found = cases.paired(tables, others, means)
+    rms, most = np.sqrt((found.single**2).mean(axis=0)), np.abs(found.single).max(axis=0)
+    rows = zip(found.mean, found.error, rms, most, strict=True)
+    return {name: dict(zip(("bias", "se", "rms", "max"), map(float, row), strict=True)) for name, row in zip(QUANTITIES, rows, strict=True)}
 
 
 @dataclass

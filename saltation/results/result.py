@@ -7,7 +7,7 @@ import os
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.metadata import version
 from typing import Any
 
@@ -402,6 +402,12 @@ class Result:
         store(self.dataset(), path)
 
 
+@cache
+def installed(package: str) -> str:
+    """Its version, read from its files once: that takes as long as a short run."""
+    return version(package)
+
+
 def origin(scene: Scene) -> dict[str, Any]:
     """What a result says about its scene before anything has moved."""
     numbers = scene.numbers
@@ -422,7 +428,7 @@ def origin(scene: Scene) -> dict[str, Any]:
         "solver": scene.solver.model_dump(exclude_none=True),
         "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)],
         "seed": scene.run.seed,
-        "versions": {"basset": __version__} | {name: version(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
+        "versions": {"basset": __version__} | {name: installed(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
     }
 
 

@@ -1,21 +1,28 @@
-"""Scenes that differ in one thing, flown with as many jumps as their difference needs, and compared."""
+"""Scenes that differ in one thing, flown with as many jumps as their difference needs, timed in turn, and compared."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from basset import measure
+from basset.kernels import Floats
 from saltation import statistics
 from saltation.scene import LONGEST, Scene, SceneError
+from saltation.simulation import run
 from saltation.study.campaigns import campaign
 
 VARIABLES = statistics.VARIABLES
 PILOT, MOST = 400, 20000  # jumps: of a first look, of any run
+TIMED = 100  # jumps of a timed run
+BOUND = 1.96  # standard errors
 Progress = Callable[[float], None]
 
 
@@ -91,3 +98,52 @@ def require_bed(scene: Scene) -> None:
     """Only jumps can be compared."""
     if scene.bed is None:
         raise SceneError("bed is missing: it is jumps that are compared, and without a bed there are none")
+
+
+def largest_change(row: Any) -> float:
+    """Largest relative change of H, L or ū as found; infinite where it jumps no more."""
+    changes = [abs(row[f"{name}_change"]) for name in VARIABLES]
+    return float(max(changes)) if row["status"] == "finished" and np.isfinite(changes).all() else math.inf
+
+
+def change_bound(row: Any) -> float:
+    """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
+    bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
+    return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
+
+
+class Paired(NamedTuple):
+    """Differences of jumps flown over the same bed, in units of the mean jump: their mean, its standard error, and all of them, (jumps, quantities)."""
+
+    mean: Floats
+    error: Floats
+    single: Floats
+
+
+def paired(tables: Sequence[Floats], others: Sequence[Floats], means: Floats) -> Paired:
+    """Tables of jumps (jumps, quantities), one per seed, less others over the same beds; of the longer of two the first jumps are taken.
+
+    Neighbouring jumps depend on each other: the standard error of each seed's mean is by blocks, and seeds are independent.
+    """
+    apart = []
+    for table, other in zip(tables, others, strict=True):
+        count = min(len(table), len(other))
+        apart.append((table[:count] - other[:count]) / means)
+    errors = np.array([[statistics.standard_error(column) for column in values.T] for values in apart])
+    mean = np.mean([values.mean(axis=0) for values in apart], axis=0)
+    return Paired(mean, np.sqrt((errors**2).sum(axis=0)) / len(errors), np.concatenate(apart))
+
+
+def seconds_of(scenes: Mapping[Any, Scene], rounds: int = 5, patience: float = 60.0) -> pd.Series:
+    """CPU seconds of a run of each scene, taking turns, everything compiled; one longer than `patience` (s) is timed once."""
+    taken = measure.interleaved({name: partial(run, scene) for name, scene in scenes.items()}, rounds, patience=patience, clock=time.process_time)
+    return pd.Series(list(taken.values()), index=list(taken), dtype=float)
+
+
+def relative_costs(scenes: dict[str, Scene]) -> pd.Series:
+    """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
+    found = pd.Series(math.nan, index=list(scenes))
+    if all(scene.run.jumps is not None for scene in scenes.values()):
+        timed = {name: scene.changed(run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
+        found.update(seconds_of({name: scene for name, scene in timed.items() if run(scene).status == "finished"}))
+    return found / found.iloc[0]

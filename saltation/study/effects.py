@@ -10,13 +10,11 @@ import contextlib
 import math
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from basset import measure
 from saltation import regressions
 from saltation._keys import key_of
 from saltation.effects import EFFECTS
@@ -24,16 +22,26 @@ from saltation.effects.base import Setting, Situation
 from saltation.effects.rotation import prescribed_spin
 from saltation.flow import velocity_and_shear
 from saltation.scene import Scene, SceneError
-from saltation.simulation import run
 from saltation.study import cases
-from saltation.study.cases import VARIABLES, Progress, compare, fly, fly_to_error, jumps_flown, require_bed, with_listed_effects, without
+from saltation.study.cases import (
+    VARIABLES,
+    Progress,
+    change_bound,
+    compare,
+    fly,
+    fly_to_error,
+    jumps_flown,
+    largest_change,
+    relative_costs,
+    require_bed,
+    with_listed_effects,
+    without,
+)
 from saltation.study.checks import settling_velocity
 
 __all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "thresholds", "typical"]
 
 MATTERS, MINOR = 0.1, 0.02  # of the weight: from here on an effect is called for, below it may be left out
-TIMED = 100  # jumps of a timed run
-BOUND = 1.96  # standard errors
 TOLERANCE = 0.05  # of a choice, unless the scene gives one
 SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
 SMOOTH = 5.0  # k_s+: up to here a bed is smooth
@@ -207,28 +215,6 @@ def reduced(scene: Scene) -> dict[str, Scene]:
         with contextlib.suppress(SceneError):  # what is left makes no scene
             scenes[name] = without(full, [name])
     return scenes
-
-
-def relative_costs(scenes: dict[str, Scene]) -> pd.Series:
-    """Seconds per jump of each scene over those of the first, taking turns; NaN for runs for a time and for those that do not finish."""
-    found = pd.Series(math.nan, index=list(scenes))
-    if all(scene.run.jumps is not None for scene in scenes.values()):
-        timed = {name: scene.changed(run={"jumps": TIMED, "discard": 0, "trajectory": False}) for name, scene in scenes.items()}
-        finish = {name: partial(run, scene) for name, scene in timed.items() if run(scene).status == "finished"}
-        found.update(pd.Series(measure.interleaved(finish, rounds=5, patience=60.0), dtype=float))
-    return found / found.iloc[0]
-
-
-def largest_change(row: pd.Series) -> float:
-    """Largest relative change of H, L or ū as found; infinite where it jumps no more."""
-    changes = [abs(row[f"{name}_change"]) for name in VARIABLES]
-    return float(max(changes)) if row["status"] == "finished" and np.isfinite(changes).all() else math.inf
-
-
-def change_bound(row: pd.Series) -> float:
-    """Largest relative change of H, L or ū that a row does not rule out (95 %); infinite where it jumps no more."""
-    bounds = [abs(row[f"{name}_change"]) + BOUND * row[f"{name}_error"] for name in VARIABLES]
-    return float(max(bounds)) if row["status"] == "finished" and np.isfinite(bounds).all() else math.inf
 
 
 def choose(scene: Scene, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Scene:

@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from dataclasses import astuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 import basset
 from basset import MeiAdrianKernel, advice, measure, reference
 from basset.quadrature import Daitche, Exponential, Hinsberg, Windowed
-from saltation.scene import read, scene_of, shipped
 
 MACHINE = advice.Machine(2e-5, 3e-5, 5e-9, 2e-8, 8e-11, 6e-11, 6e-9, 1e-8, 2e-9, 2e-8)  # any will do: times are not asserted
 MEI = MeiAdrianKernel(0.1, 1e-3, 1e-6)
@@ -127,21 +125,6 @@ def test_kernels_without_a_form_drop_schemes():
 def test_the_code_makes_the_rule(kernel):
     for row in advise(1e-5, time_scale=1.0, dt=0.05, steps=3000, kernel=kernel).candidates:
         assert eval(row.code, {"basset": basset}) == row.rule
-
-
-def test_the_words_are_accepted_by_a_scene_and_make_the_rule():
-    content = read(shipped()["sand"])
-    content["solver"] = {"method": "fixed_step", "dt": 0.05}
-    kinds = set()
-    for row in advise(1e-5, time_scale=1.0, dt=0.05, steps=3000).candidates:
-        scene = scene_of(content | {"history": {"rebound": "impulse"} | tomllib.loads(row.toml)})
-        rule = scene.history_rule()
-        kinds.add(type(rule))
-        if isinstance(row.rule, Windowed):  # the scene fits the tail to its own horizon
-            assert (rule.rule, rule.window, rule.tail.rtol) == (row.rule.rule, row.rule.window, row.rule.tail.rtol)
-        else:
-            assert rule == row.rule
-    assert kinds >= {Daitche, Exponential, Windowed, Hinsberg}
 
 
 def test_samples_tell_their_time_scale():

@@ -36,7 +36,7 @@ def test_every_set_is_compared_with_all_effects_under_a_seed_of_its_own(monkeypa
         return table, 400, 400 * len(sets)
 
     monkeypatch.setattr(cases, "fly_to_error", enough)
-    monkeypatch.setattr(suite.advice, "relative_costs", lambda sets: pd.Series(1.0, index=list(sets)))
+    monkeypatch.setattr(suite.cases, "relative_costs", lambda sets: pd.Series(1.0, index=list(sets)))
     rows = suite.reference_runs(scene_of(read("sand")), 0.01)
     assert len(rows) == 32 and [row["largest"] for row in rows[:3]] == [0.0, 0.5, 0.0]
 

@@ -437,7 +437,7 @@ def test_mistakes_are_one_sentence(case):
 
 
 def test_ablate_prints_draws_and_writes(tmp_path, monkeypatch):
-    for module, name in ((cases, "PILOT"), (cases, "MOST"), (advice, "TIMED")):
+    for module, name in ((cases, "PILOT"), (cases, "MOST"), (cases, "TIMED")):
         monkeypatch.setattr(module, name, 5)
     monkeypatch.setattr(cases, "campaign", lambda scenes, executor, progress=None: saltation.campaign(scenes, SerialExecutor(), progress=progress))
     file, arguments = tmp_path / "table.csv", []

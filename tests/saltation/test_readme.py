@@ -19,7 +19,6 @@ import bench.__main__
 import saltation.cli
 from saltation.scene import shipped
 from saltation.study import campaigns, cases, thesis
-from saltation.study import effects as advice
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "reports/guide.md"))
@@ -89,7 +88,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def short(folder, monkeypatch):
     monkeypatch.chdir(folder)
-    for module, name in ((cases, "PILOT"), (cases, "MOST"), (advice, "TIMED")):
+    for module, name in ((cases, "PILOT"), (cases, "MOST"), (cases, "TIMED")):
         monkeypatch.setattr(module, name, 4)
     quick = [(labels, scene.changed(run=SHORT)) for labels, scene in thesis.thesis()[:2]]
     brief = [(labels, scene.changed(run={"duration": 0.02 * scene.run.duration})) for labels, scene in thesis.grains()[:2]]

@@ -1,0 +1,166 @@
+"""Does `saltation scheme` choose a history scheme that keeps the wanted error, and the cheapest that does?
+
+Twelve scenes that nobody looked at while the command was written, two errors each. What is chosen flies again, over other beds and for longer, beside a
+tighter reference; everything else that could be cheaper does too.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from typing import Any
+
+import saltation
+from bench.grains import rounded
+from saltation.scene import scene_of as scene_from_tables
+from saltation.study import schemes
+from saltation.study.schemes import COLLOCATION, Candidate, Entry, Sample, Trial
+from saltation.workers import cores, processes
+
+ERRORS = (0.01, 0.001)
+OTHER = 1000  # added to the seeds that a choice has seen
+TIGHT = (1e-10, *schemes.REFERENCES)
+LONGER, BEDS, SOME = 200, 6, 12  # jumps of a run, runs; jumps of a look at the time
+CHEAPER = 1.5  # times within it of the cheapest are as good
+SHORTEST = 6  # halvings of a step, at most
+PLANE = {"effects": ["weight", "drag", "added_mass", "history"], "dimensions": 2, "magnus": None, "rotation": None}
+KEEPING = {"rebound": "garcia_nino", "friction": None, "tangential_retention": 0.8}
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {  # name -> shipped scene, what is changed
+    "fine sand, T 1.4": ("sand", {"grain": {"diameter": 0.35e-3}, "channel": {"transport_stage": 1.4}}),
+    "sand 1.1 mm, T 3.4, Mei & Adrian": ("sand", {"grain": {"diameter": 1.1e-3}, "channel": {"transport_stage": 3.4}, "history": {"kernel": "mei_adrian"}}),
+    "granules 3 mm, T 2.3, restart": ("sand", {"grain": {"diameter": 3.0e-3}, "channel": {"transport_stage": 2.3}, "history": {"rebound": "restart"}}),
+    "sand 0.5 mm, T 2.6, reset, e by Stokes number": (
+        "sand",
+        {"grain": {"diameter": 0.5e-3}, "channel": {"transport_stage": 2.6}, "history": {"rebound": "reset"}, "bed": {"restitution": "stokes"}},
+    ),
+    "plastic 2.5 mm, T 2, R1": (
+        "sand",
+        {"grain": {"diameter": 2.5e-3, "density": 1300.0}, "channel": {"transport_stage": 2.0}, "bed": {"roughness": "R1", "restitution": 0.8}},
+    ),
+    "heavy mineral 0.8 mm, T 2.8, Dorgan & Loth": (
+        "sand",
+        {"grain": {"diameter": 0.8e-3, "density": 4700.0}, "channel": {"transport_stage": 2.8}, "history": {"kernel": "dorgan_loth"}},
+    ),
+    "sand 0.9 mm in oil, T 2": ("sand", {"grain": {"diameter": 0.9e-3}, "fluid": {"viscosity": 6.0e-6, "density": 900.0}, "channel": {"transport_stage": 2.0}}),
+    "sand 0.69 mm, T 5, impact ignored": ("sand", {"channel": {"transport_stage": 5.0}, "history": {"rebound": "none"}}),
+    "plane, gravel 7 mm, T 1.7, García & Niño": (
+        "sand",
+        {**PLANE, "grain": {"diameter": 7.0e-3}, "channel": {"transport_stage": 1.7}, "bed": KEEPING},
+    ),
+    "plane, sand 0.6 mm, T 3, Mei & Adrian": (
+        "sand",
+        {**PLANE, "grain": {"diameter": 0.6e-3}, "channel": {"transport_stage": 3.0}, "bed": KEEPING, "history": {"kernel": "mei_adrian"}},
+    ),
+    "plane, sand 1.5 mm, T 2.2, R4, 40 jumps": (
+        "sand",
+        {
+            **PLANE,
+            "grain": {"diameter": 1.5e-3},
+            "channel": {"transport_stage": 2.2},
+            "bed": KEEPING | {"roughness": "R4"},
+            "run": {"jumps": 40, "discard": 8},
+        },
+    ),
+    "plane, fine sand 0.25 mm, T 2, reset": (
+        "sand",
+        {**PLANE, "grain": {"diameter": 0.25e-3}, "channel": {"transport_stage": 2.0}, "bed": KEEPING, "history": {"rebound": "reset"}},
+    ),
+}
+
+
+def chosen_in(scene: Any) -> tuple[Candidate, float]:
+    """What a scene names, and its step or tolerance."""
+    options = scene.options("history")
+    words = {word: getattr(options, word) for word in schemes.WORDS}
+    size = scene.solver.rtol if scene.solver.method == COLLOCATION else scene.solver.dt
+    return Candidate(scene.solver.method, tuple((word, value) for word, value in words.items() if value is not None)), size
+
+
+def measured(name: str) -> dict[str, Any]:
+    """What is chosen for a scene and each error, and what longer runs over other beds say of it and of all that is cheaper."""
+    scene = scene_of(SCENES[name])
+    choices = []
+    for wanted in ERRORS:
+        start = time.process_time()
+        table = saltation.select_scheme(scene, wanted)
+        choices.append((wanted, table, time.process_time() - start))
+    trial = Trial(scene.changed(run={"seed": scene.run.seed + OTHER}), None, lambda text: None, LONGER, TIGHT)
+    found = [chosen_in(scene_from_tables(json.loads(table.attrs["scene"]))) for _, table, _ in choices]
+    flights = {(candidate, size): (Entry(candidate), trial.sample(Entry(candidate), size, BEDS)) for candidate, size in found}
+    trial.timed(list(flights.values()))
+    most = max(sample.seconds for _, sample in flights.values())
+    rivals, quickest = every_rival(trial, most)
+    every = [*flights.values(), *((entry, sample) for entry, sample in rivals if (entry.candidate, sample.size) not in flights)]
+    trial.timed([(entry, sample) for entry, sample in every if sample.status == "finished"])
+    rows = []
+    for (wanted, table, seconds), key in zip(choices, found, strict=True):
+        chosen = flights[key][1]
+        keep = sorted(((e, s) for e, s in every if s.bound <= wanted), key=lambda pair: pair[1].seconds)
+        fixed = table[(table["solver"] != COLLOCATION) & table["keeps"]].sort_values("seconds")
+        rows.append(
+            {
+                "scene": name,
+                "wanted": wanted,
+                **told(key[0], chosen),
+                "promised": float(table.iloc[0]["error"]),
+                "keeps": chosen.bound <= wanted,
+                "cheapest": told(keep[0][0].candidate, keep[0][1]) if keep else None,
+                "ratio": chosen.seconds / keep[0][1].seconds if keep else None,
+                "flown": len(every),
+                "quickest_fixed": quickest,
+                "fixed": None if fixed.empty else {key: fixed.iloc[0][key] for key in ("scheme", "solver", "dt", "seconds", "order", "runs")},
+                "choosing": seconds,
+            }
+        )
+    return {"rows": rounded(rows), "reference": trial.rtol, "particle_reynolds": scene.numbers.particle_reynolds, "history": scene.numbers.history}
+
+
+def told(candidate: Candidate, sample: Sample) -> dict[str, Any]:
+    """A candidate at one step, and what it does."""
+    said = {"scheme": candidate.name, "solver": candidate.method, "size": sample.size}
+    return said | {"error": sample.largest, "bound": sample.bound, "seconds": sample.seconds}
+
+
+def every_rival(trial: Trial, most: float) -> tuple[list[tuple[Entry, Sample]], float]:
+    """All that could be cheaper, flown; and the quickest jump of all fixed steps, at the longest step that the scene accepts: shorter ones take longer."""
+    sizes = [schemes.rounded(trial.duration / 4.0 * 2.0**-k) for k in range(4)]
+    found: list[tuple[Entry, Sample]] = []
+    quickest = math.inf
+    for candidate, size in schemes.candidates(trial.given, trial.duration, schemes.TAIL_SHARE * max(ERRORS), sizes).items():
+        entry = Entry(candidate, candidate.fixed and schemes.grows(trial, candidate, size))
+        if not candidate.fixed:
+            found += [(entry, trial.sample(entry, rtol, BEDS)) for rtol in schemes.RTOLS[:2]]
+            continue
+        for halving in range(SHORTEST):
+            seconds = jump_of(trial, entry, size / 2.0**halving, most)
+            quickest = min(quickest, seconds)
+            if seconds > most:
+                break
+            found.append((entry, trial.sample(entry, size / 2.0**halving, BEDS)))
+    return found, quickest
+
+
+def jump_of(trial: Trial, entry: Entry, size: float, most: float) -> float:
+    """CPU seconds of a jump; at a look, or carefully where that is quicker than `most`."""
+    (_, _, once), (_, _, some) = trial.fly([trial.paired_scene(entry.candidate, size, jumps) for jumps in (1, SOME)])
+    seconds = (some - once) / (SOME - 1)
+    if seconds > most:
+        return seconds
+    sample = Sample(size, trial.means, trial.means, math.nan)
+    trial.timed([(entry, sample)])
+    return sample.seconds
+
+
+def scene_of(named: tuple[str, dict[str, Any]]) -> Any:
+    """One of the twelve."""
+    base, changes = named
+    return saltation.load(base).changed(**changes)
+
+
+def run(full: bool) -> dict[str, Any]:
+    """All scenes, a worker for each core."""
+    names = list(SCENES) if full else list(SCENES)[:2]
+    with processes(min(cores(), len(names))) as pool:
+        found = dict(zip(names, pool.map(measured, names), strict=True))
+    return {"errors": ERRORS, "longer": LONGER, "beds": BEDS, "cheaper": CHEAPER, "scenes": found}
