@@ -127,8 +127,9 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     (FIXED | {"history": {"scheme": "windowed", "window": 3.0, "rtol": 1e-6}}, ("history.rtol", "tail")),
     ({"history": {"order": 3}}, ("history.order", "collocation")),
     ({"history": {"rtol": 1e-8}}, ("history.rtol", "collocation")),
-    ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("kernel = 'basset'", "scheme = 'exponential'")),
-    (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "daitche"}}, ("kernel = 'basset'", "solver.method = 'collocation'")),
+    ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("scheme = 'exponential'", "solver.method = 'fixed_step'")),
+    (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "semi_derivative"}}, ("kernel = 'basset'", "scheme = 'daitche'")),
+    (FIXED | {"history": {"kernel": "mei_adrian", "rtol": 1e-13}}, ("history.rtol", "at least")),
     ({"run": {"jumps": None, "discard": 0, "duration": 1e-300}}, ("run.duration", "1e-09")),
     (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
 ])  # fmt: skip
