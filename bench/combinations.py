@@ -63,3 +63,11 @@ def refusal(one: Combination) -> str:
     except SceneError as error:
         return str(error)
     return ""
+
+
+def rows() -> list[Content]:
+    """The table, ready for JSON: form, and what is said for each kernel and method."""
+    found: dict[str, Content] = {}
+    for one in combinations():
+        found.setdefault(one.form, {"form": one.form})[f"{one.kernel}, {one.method}"] = refusal(one)
+    return list(found.values())
