@@ -261,10 +261,11 @@ def test_grains_at_fixed_steps_are_those_of_collocation_as_the_step_vanishes():
     exact, coarse, fine = (saltation.run(apart(dt)) for dt in (0.0, 4e-3, 1e-3))
     assert {coarse.status, fine.status, exact.status} == {"finished"}
     for grain in range(3):
-        first = [result.all_jumps.query("grain == @grain")["height"].iloc[0] for result in (exact, coarse, fine)]
+        tables = (result.all_jumps for result in (exact, coarse, fine))
+        first = [table["height"][table["grain"] == grain].iloc[0] for table in tables]
         assert abs(2.0 * first[2] - first[1] - first[0]) < 5e-3 * first[0] < 0.5 * abs(first[2] - first[0])
     paths = [result.trajectory.isel(time=slice(0, 8)) for result in (exact, fine)]
-    assert all(np.abs(paths[1][name] - paths[0][name]).max() < 0.05 for name in "xyzuvw")
+    assert all(np.abs(paths[1][name] - paths[0][name]).max() < 0.1 for name in "xyzuvw")  # before any lands
     assert paths[0]["time"].equals(paths[1]["time"]) and not fine.trajectory.isel(time=slice(0, -1)).isnull().any().to_array().any()
 
 
