@@ -15,6 +15,7 @@ from basset._look import legend as _legend
 from basset._look import slope as _slope
 from reports.site.page import Page, fill, footer, save, table
 from reports.words import NEAR, Record, factor, of, percent, reaches, seconds, short
+from saltation.scene.memory import REASONS
 
 SUITES = ("scenes",)
 COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
@@ -25,6 +26,7 @@ SHIPPED = 1e-5  # rtol of the scene as it is
 COMMON = 1e-3  # dt of comparisons, d/u*
 BOUNDS = (0.1, 0.03, 0.01, 0.003, 0.001)
 MEMORIES = {"impulse": "rebounds remembered", "reset": "history wiped at impacts"}
+KERNELS = {"mei_adrian": "Mei & Adrian's kernel", "dorgan_loth": "Dorgan & Loth's kernel"}
 
 
 # Errors of one record
@@ -227,7 +229,54 @@ def window_table(records: Sequence[Record]) -> str:
 
 def kept_jumps(records: Sequence[Record]) -> list[Record]:
     """Collocation whose memory holds some jumps."""
-    return [r for r in flown(records) if "window_jumps" in r["history"]]
+    return [r for r in flown(records) if "window_jumps" in r["history"] and r["method"] == COLLOCATION]
+
+
+def thesis_table(records: Sequence[Record]) -> str:
+    """The semi-derivative with RK4 and a memory of some jumps, beside collocation with the same."""
+    rows = []
+    for r in kept_jumps(records):
+        own = [x for x in records if x["history"] == {"scheme": "semi_derivative"} | r["history"] and x["method"] == HELD and x["height"] is not None]
+        if own:
+            found = {x["size"]: x for x in own}
+            rows.append([r["history"]["window_jumps"], error_cell(r, "height"), *(error_cell(found[size], "height") for size in sorted(found, reverse=True))])
+    steps = sorted({x["size"] for x in records if x["scheme"].startswith("semi-derivative, memory") and x["height"] is not None}, reverse=True)
+    if not rows:
+        return "not measured yet"
+    width = max(len(row) for row in rows)
+    return table(["jumps remembered", "collocation", *(f"dt {step_of(size)}" for size in steps)], [row + [""] * (width - len(row)) for row in rows])
+
+
+def combination_table(rows: Sequence[Record]) -> str:
+    """Forms of the history against kernels and solvers: what a scene accepts, and by which reason it refuses."""
+    letters = {reason: key for key, reason in zip("gwshp", REASONS.values(), strict=True)}
+    columns = [key for key in rows[0] if key != "form"]
+
+    def cell(refusal: str) -> str:
+        return next(letter for reason, letter in letters.items() if reason in refusal) if refusal else "yes"
+
+    text = table(["", *columns], [[row["form"], *(cell(row[key]) for key in columns)] for row in rows])
+    return text + "\n\n" + "\n".join(f"* {letter}: {reason}." for reason, letter in letters.items())
+
+
+def counted_combinations(rows: Sequence[Record]) -> tuple[int, int]:
+    """How many there are, and how many are accepted."""
+    said = [row[key] for row in rows for key in row if key != "form"]
+    return len(said), said.count("")
+
+
+def kernel_section(data: Record, kernel: str) -> str:
+    """Figure and tables of one kernel that follows the slip."""
+    found = data[kernel]
+    records = found["records"]
+    ours, best = fastest(collocated(records), BOUNDS[-1], "height")[0] or collocated(records)[-1], fastest(stepped(records), BOUNDS[1], "height")[0]
+    kept = f"Collocation, rtol {short(ours['size'])}, keeps {percent(BOUNDS[-1])} of it for {seconds(ours['seconds'])} per jump"
+    steps = "no fixed steps that were flown keep it"
+    if best is not None:
+        steps = f"the quickest fixed steps ({sized(best)}) take {seconds(best['seconds'])} for {percent(BOUNDS[1])}"
+    text = f"Mean height {found['mean']['height']:.3f} d. {kept}; {steps}."
+    parts = [f"### {KERNELS[kernel]}", text, save(draw_accuracy(data, kernel), f"scenes_{kernel}"), cheapest_table(records, "height"), every_table(records)]
+    return "\n\n".join(parts)
 
 
 def at(records: Sequence[Record], scheme: str, size: float | None = None, method: str = IMPLICIT) -> Record:
@@ -356,6 +405,11 @@ def scenes(data: dict[str, Record]) -> str:
         shipped_ratio=factor(shipped["seconds"] / ours["seconds"]),
         shipped_single=f"{small(shipped['height']['rms'])} %",
         single=f"{small(ours['height']['rms'])} %",
+        thesis_jumps=thesis_table(records),
+        **dict(zip(("combined", "accepted"), counted_combinations(found["combinations"]), strict=True)),
+        **dict(zip(("listed", "kept"), counted_combinations([r for r in found["combinations"] if "newton" not in r["form"]]), strict=True)),
+        combinations=combination_table(found["combinations"]),
+        kernels="\n\n".join(kernel_section(found, kernel) for kernel in KERNELS if kernel in found) or "not measured yet",
         every=every_table(records),
         every_reset=every_table(reset),
         collocation=collocation_table(found),
@@ -466,11 +520,12 @@ def draw_accuracy(data: Record, memory: str) -> Any:
     low, high = panels[0].get_xlim()
     for axes in panels:
         axes.set_xlim(low / 2.5, 1.5 * high)
-        _slope(axes, *((7e2, 2.2, 3e4, -0.5, "t$^{-1/2}$") if memory == "impulse" else (3e2, 0.35, 1.6e4, -1.0, "t$^{-1}$")), "right")
+        _slope(axes, *((7e2, 2.2, 3e4, -0.5, "t$^{-1/2}$") if memory != "reset" else (3e2, 0.35, 1.6e4, -1.0, "t$^{-1}$")), "right")
     panels[0].set_ylabel("error of the mean (%)")
     titles = {
         "impulse": "Rebounds remembered: fixed steps err as √dt whatever the scheme, a window without a tail adds a floor; collocation does neither",
         "reset": "Memory wiped at rebounds: fixed steps are of first order, windows shorter than a flight keep a floor, collocation stays far below",
+        **{kernel: f"{name}, of the current slip: fixed steps err as √dt, collocation stays far below" for kernel, name in KERNELS.items()},
     }
     figure.suptitle(titles[memory])
     _legend(figure, panels[0], 4)
@@ -507,7 +562,7 @@ def draw_windows(data: Record) -> Any:
                 points = sorted(((r["history"]["window"], r["truncation"][quantity]) for r in own if r["truncation"] is not None), key=lambda pair: pair[0])
                 for k, piece in enumerate(_pieces(points)):
                     _line(axes, piece, colour, marker, dash, label=name if dash == "-" and k == 0 else None)
-        kept = [r for r in records if "window_jumps" in r["history"]]
+        kept = kept_jumps(records)
         for piece in _pieces([(duration * r["history"]["window_jumps"], r[quantity]) for r in kept]):
             _line(axes, piece, PURPLE, "*", label="no tail, memory of 1 to 50 whole jumps (collocation: the step does not err)", markersize=9)
         for dt, dash in steps.items():

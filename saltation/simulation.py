@@ -20,10 +20,11 @@ from basset.solvers import stepper
 from basset.solvers._tables import step_tables
 from saltation._keys import text_of
 from saltation.flight import collisions, layout
-from saltation.flight.cloud import ROUNDED, Cloud
+from saltation.flight.cloud import ROUNDED, Cloud, starts
 from saltation.flight.cost import CHUNK, cost_of
 from saltation.flight.fixed import FixedGrain
-from saltation.flight.setup import Engine, Grain, empty_record
+from saltation.flight.setup import Engine, Grain, Start, empty_record
+from saltation.flow import velocity_and_shear
 from saltation.results.files import STOPPED, open_folder, packed, unpacked
 from saltation.results.folder import Folder, RunStatus
 from saltation.results.path import path_at, path_of
@@ -328,7 +329,61 @@ def run_cloud(
 ) -> Result:
     """Simulate many grains, or without encounters some of them; as `saltation.run`."""
     with Folder(output, scene) if output is not None else contextlib.nullcontext() as folder:
+        if scene.solver.method != "collocation":
+            return fly_apart(scene, progress, folder, grains)
         return fly_cloud(scene, progress, folder, grains)
+
+
+def fly_apart(scene: Scene, progress: Callable[[float], None] | None, folder: Folder | None, grains: range | None) -> Result:
+    """Grains at fixed steps, which do not meet: one after the other, in one part."""
+    if folder is not None and folder.read_status() is not None:
+        return open_folder(folder.path)
+    engine, end, interval, known = Engine(scene), scene.end, scene.grains.interval, origin(scene)
+    part = Part(engine, range(scene.grains.number) if grains is None else grains, 0, math.floor(end / interval * ROUNDED) + 1)
+    places = list(zip(*starts(engine), strict=True))
+    fates: list[Any] = []
+    status, message, reached = *STATUS[stepper.END], end
+    for i, grain in enumerate(part.grains):
+        one = FixedGrain(engine, grain, Start(*(tuple(values) for values in places[grain])))
+        code, rows = fly_alone(one, interval, part.samples.values[:, i])
+        part.jumps.append(rows)
+        part.owners.append(np.full(len(rows), grain, dtype=np.int32))
+        time = float(one.state.control[0].time)
+        if code in (layout.REST, layout.ALOFT):
+            speed = one.state.y[engine.dimensions] + velocity_and_shear(engine.profile, one.state.y[engine.dimensions - 1])[0]
+            fates.append([grain, time, "aloft" if code == layout.ALOFT else "creeping" if abs(speed) > SLIDING else "at rest"])
+        elif code != stepper.END:
+            status, message = ending(code, one)
+            message, reached = f"grain {grain}: {message}", time
+            break
+        if progress is not None:
+            progress((i + 1) / len(part.grains))
+    part.met.append(np.zeros((0, len(layout.ENCOUNTER_COLUMNS))))
+    if folder is not None:
+        folder.put(0, part.dataset(reached), reached)
+        folder.write_status(RunStatus(1, reached, status, message, fates), known)
+        return open_folder(folder.path)
+    jumps, met = part.tables()
+    return Result(scene, ordered(jumps), status, message, known, reached, met, fate_table(fates), part.path(reached))
+
+
+def fly_alone(grain: FixedGrain, interval: float, samples: Floats) -> tuple[int, Floats]:
+    """Fly a grain of a cloud to the end of its run: (code, rows of jumps); position and velocity every `interval` into `samples` (time, 2·dimensions)."""
+    engine, rows, d, code = grain.engine, [np.zeros((0, len(layout.COLUMNS)))], grain.engine.dimensions, stepper.FULL
+    table, times = np.zeros((ROWS, len(layout.COLUMNS))), np.arange(len(samples)) * interval
+    while code in (stepper.FULL, layout.CROWDED):
+        before, state = float(grain.state.control[0].time), grain.state.y.copy()
+        grain.flight[0].done = 0
+        code, done = grain.fly(grain.record, False, table)
+        rows.append(table[: int(grain.flight[0].done)].copy())
+        if not done:
+            continue
+        at, states = np.append(before, grain.record.times[:done]), np.vstack([state, grain.record.states[:done]])
+        kept = states[:, : 2 * d].copy()
+        kept[:, d] += [velocity_and_shear(engine.profile, z)[0] for z in states[:, d - 1]]
+        inside = (times >= before) & (times <= at[-1])
+        samples[inside] = np.column_stack([np.interp(times[inside], at, column) for column in kept.T])
+    return code, np.concatenate(rows)
 
 
 def fly_cloud(scene: Scene, progress: Callable[[float], None] | None, folder: Folder | None, grains: range | None) -> Result:

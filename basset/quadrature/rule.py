@@ -199,3 +199,8 @@ def reach(rule: Rule, dt: float, horizon: float, kernel: AnyKernel) -> tuple[int
     if recipe.window is not None and recipe.window > LONGEST:
         raise ValueError(f"window must be at most {LONGEST:g} steps of dt = {dt:g} seconds in a stream, got {recipe.window:g} steps")
     return steps, recipe
+
+
+def slip_recipes(rule: Rule, dt: float, horizon: float, kernel: VaryingSlipKernel) -> tuple[Recipe, Recipe, float, int, VaryingSlipKernel]:
+    """What `basset.streaming.following.FollowingPlan` is made of; errors as `Rule.plan`."""
+    return rule.recipe(dt, horizon, BassetKernel()), rule.whole.recipe(dt, horizon, kernel), dt, steps_to(horizon, dt), kernel

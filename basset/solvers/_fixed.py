@@ -12,15 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import call, compiled, entry, separate, shared
+from basset._compile import call, compiled, entry, overloads, separate, shared
 from basset.kernels import Floats
 from basset.solvers import events
 from basset.solvers.events import copy
-from basset.solvers.stability import ALTERNATING, IN_A_ROW, SHARE, adams_moulton
+from basset.solvers.stability import ALTERNATING, GEOMETRIC, IN_A_ROW, SHARE, adams_moulton
 from basset.solvers.stepper import ACCEPTED, AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE, factor, substitute
 from basset.streaming import Plan
 from basset.streaming import State as Samples
 from basset.streaming._loops import peek, take
+from basset.streaming.following import FollowingPlan, SlipStream, accept, look_at
 
 HELD, RATES, SLIPS = range(3)  # the history held constant over the step; or implicit, with samples of rates or of slips
 UNSOLVED, DIVERGED = 30, 31  # why the loop returned, beside the codes of `stepper`
@@ -130,7 +131,7 @@ class Parts(NamedTuple):
 
     equation: Equation
     grid: Grid
-    stream: Stream
+    stream: Stream | SlipStream
     state: State
     alone: Room
     together: Room
@@ -179,6 +180,7 @@ def residual(parts, room, unknown, left):
     kind, where, strength, offset, stored = grid.kind, e.where, e.strength, state.offset, state.stored
     count, n = states.shape
     set_states(kind, room, unknown)
+    follow(parts.stream, where, room)
     for i in range(count):
         if not evaluate(e, state.numbers, grid.start + grid.dt * (state.numbers[NODE] + 1.0 + i), states, i, rates, i):
             return False
@@ -257,9 +259,37 @@ def newton(parts, room):
     return UNSOLVED
 
 
-@shared
 def local_of(stream):
     """The weight of the next sample in H at the next node."""
+    return stream.coming[1] if isinstance(stream, SlipStream) else steady_local(stream)
+
+
+def look_ahead(stream, tail):
+    """H at the next node for a next sample of zero, into `tail`; nothing yet where it follows the slip there."""
+    if not isinstance(stream, SlipStream):
+        steady_look(stream, tail)
+
+
+def follow(stream, where, room):
+    """The same into the equation of the next node, where its slip is known and counts."""
+    if isinstance(stream, SlipStream):
+        slip_follow(stream, where, room)
+
+
+def accept_sample(stream, sample, tail):
+    """Take the next sample into the stream."""
+    (slip_accept if isinstance(stream, SlipStream) else steady_accept)(stream, sample, tail)
+
+
+def add_earlier(stream, past):
+    """Add what came before the segment at its first nodes; one that follows the slip has no segments."""
+    if not isinstance(stream, SlipStream):
+        steady_earlier(stream, past)
+
+
+@shared
+def steady_local(stream):
+    """Of a plan."""
     count = int(stream.counters[0])
     if count >= stream.steady:
         return stream.fixed[len(stream.fixed) - 1]
@@ -267,8 +297,8 @@ def local_of(stream):
 
 
 @shared
-def look_ahead(stream, tail):
-    """H at the next node for a next sample of zero, into `tail`."""
+def steady_look(stream, tail):
+    """Of a plan."""
     s = stream
     count, node, pending = int(s.counters[0]), int(s.counters[1]), int(s.counters[2])
     peek(
@@ -277,12 +307,80 @@ def look_ahead(stream, tail):
 
 
 @shared
-def accept_sample(stream, sample, tail):
-    """Take the next sample into the stream."""
+def steady_accept(stream, sample, tail):
+    """Of a plan."""
     s, counters = stream, stream.counters
     count, node = int(counters[0]), int(counters[1])
-    take(s.samples, s.terms, s.future, count, node, sample, tail, local_of(s), s.history, s.slots, s.steady, s.loss, s.gains, s.entry)
+    take(s.samples, s.terms, s.future, count, node, sample, tail, steady_local(s), s.history, s.slots, s.steady, s.loss, s.gains, s.entry)
     counters[0], counters[1], counters[2] = count + 1, node + 1, max(0.0, counters[2] - 1.0)
+
+
+@shared
+def steady_earlier(stream, past):
+    """Of a plan."""
+    count, node, pending = len(past), int(stream.counters[1]), int(stream.counters[2])
+    for b in range(past.shape[1]):
+        for i in range(min(count, pending)):
+            past[i, b] += stream.future[b, (node + i) % stream.future.shape[1]]
+        for q in range(len(stream.loss)):
+            term = stream.terms[b, q]
+            for i in range(count):
+                term -= stream.loss[q] * term
+                past[i, b] += term
+
+
+@shared
+def slip_local(stream):
+    """Of a memory that follows the slip."""
+    return stream.coming[1]
+
+
+@shared
+def slip_accept(stream, sample, tail):
+    """Of a memory that follows the slip."""
+    accept(stream, sample, tail)
+
+
+@shared
+def slip_follow(stream, where, room):
+    """Of a memory that follows the slip."""
+    look_at(stream, where, room.states, room.tail)
+    room.inner[0, 0] = stream.coming[1]
+    copy(room.tail, room.past[0])
+
+
+@overloads(local_of)
+def _local_of(stream):
+    return slip_local if stream.kind.instance_class is SlipStream else steady_local
+
+
+@overloads(look_ahead)
+def _look_ahead(stream, tail):
+    def none(stream, tail):
+        pass
+
+    return none if stream.kind.instance_class is SlipStream else steady_look
+
+
+@overloads(follow)
+def _follow(stream, where, room):
+    def none(stream, where, room):
+        pass
+
+    return slip_follow if stream.kind.instance_class is SlipStream else none
+
+
+@overloads(accept_sample)
+def _accept_sample(stream, sample, tail):
+    return slip_accept if stream.kind.instance_class is SlipStream else steady_accept
+
+
+@overloads(add_earlier)
+def _add_earlier(stream, past):
+    def none(stream, past):
+        pass
+
+    return none if stream.kind.instance_class is SlipStream else steady_earlier
 
 
 @shared
@@ -313,7 +411,6 @@ def several_nodes(parts, room):
     """The equations of the first nodes of a segment, which share one polynomial."""
     e, grid, state, stream = parts.equation, parts.grid, parts.state, parts.stream
     first, y, count, root = state.recent[0], state.y, len(room.known), math.sqrt(grid.dt)
-    node, pending = int(stream.counters[1]), int(stream.counters[2])
     for i in range(count):
         for a in range(len(y)):
             room.known[i, a] = y[a] + grid.dt * grid.plain[i, 0] * first[a]
@@ -324,13 +421,7 @@ def several_nodes(parts, room):
         newest = first[e.where[b]] if grid.kind == RATES else y[e.where[b]] - state.offset[b]
         for i in range(count):
             room.past[i, b] = root * grid.history[i, 0] * newest
-            if i < pending:
-                room.past[i, b] += stream.future[b, (node + i) % stream.future.shape[1]]
-        for q in range(len(stream.loss)):  # what came before the segment decays
-            term = stream.terms[b, q]
-            for i in range(count):
-                term -= stream.loss[q] * term
-                room.past[i, b] += term
+    add_earlier(stream, room.past)
 
 
 @shared
@@ -354,6 +445,7 @@ def hold(parts, room):
         room.states[0, a] = y[a] + h / 6.0 * (stages[0, a] + 2.0 * stages[1, a] + 2.0 * stages[2, a] + stages[3, a])
     if not evaluate(e, numbers, t + h, room.states, 0, rates, 0):
         return False
+    follow(parts.stream, where, room)
     copy(rates[0], room.unknown)
     for b in range(len(where)):
         place, local = where[b], local_of(parts.stream)
@@ -389,22 +481,26 @@ def advance(parts, room, j):
 
 @separate
 def diverges(state, rates):
-    """Whether the newest rates of the path alternate in sign and grow as an unstable step makes them do."""
+    """Whether the newest rates of the path alternate in sign and grow as an unstable step makes them do: by a factor from step to step.
+
+    What alternates with Simpson's weights grows by equal amounts, when a kink leaves a window.
+    """
     seen, swing, numbers = state.seen, state.swing, state.numbers
     worst, largest_before, grows = 0, 0.0, False
     for a in range(len(rates)):
         for k in range(4, 0, -1):
             seen[k, a] = seen[k - 1, a]
         seen[0, a] = rates[a]
-        swing[1, a], swing[0, a] = swing[0, a], 0.0
+        swing[2, a], swing[1, a], swing[0, a] = swing[1, a], swing[0, a], 0.0
         for k in range(5):
             swing[0, a] += ALTERNATING[k] * seen[k, a]
         if abs(swing[0, a]) > abs(swing[0, worst]):
             worst = a
     numbers[SEEN] += 1.0
-    if numbers[SEEN] < 6.0:
+    if numbers[SEEN] < 7.0:
         return False
-    grows = swing[0, worst] * swing[1, worst] < 0.0 and abs(swing[0, worst]) >= abs(swing[1, worst])
+    now, last = swing[0, worst], swing[1, worst]
+    grows = now * last < 0.0 and abs(now) >= abs(last) and now * swing[2, worst] >= GEOMETRIC * last**2
     numbers[GROWN] = numbers[GROWN] + 1.0 if grows else 0.0
     for k in range(5):
         largest_before = max(largest_before, abs(seen[k, worst]))
@@ -523,8 +619,11 @@ def looked(parts: Look, t: float, y: Any, out: Any, own: Any) -> None:
 look_entry = entry(looked, "some 5 s")
 
 
-def stream_of(plan: Plan, samples: Samples) -> Stream:
+def stream_of(plan: Plan | FollowingPlan, samples: Samples | SlipStream) -> Stream | SlipStream:
     """A plan and its state for the loop."""
+    if isinstance(samples, SlipStream):
+        return samples
+    assert isinstance(plan, Plan)
     slots, short, oldest, interior, steady, *rest = plan.tables
     return Stream(*samples, slots, steady, short, oldest, interior, *rest)
 
@@ -540,7 +639,7 @@ def weights_of(degree: int) -> Floats:
 def state_of(y: Floats, members: int, degree: int) -> State:
     """The start from `y`, of which it makes no copy."""
     n = len(y)
-    return State(y, np.zeros((degree + 1, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros(10))
+    return State(y, np.zeros((degree + 1, n)), np.zeros(members), np.zeros(members), np.zeros((5, n)), np.zeros((3, n)), np.zeros((2, n)), np.zeros(10))
 
 
 def room(nodes: int, n: int, members: int) -> Room:

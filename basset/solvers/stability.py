@@ -23,6 +23,7 @@ from basset.weights.table import Recipe
 LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then
 ALTERNATING = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # of five rates: what alternates, and little of what is smooth
 IN_A_ROW = 16  # growing and alternating: no smooth solution and no rounding does that
+GEOMETRIC = 0.999  # of a swing's square, what the two beside it are when it grows by a factor; by equal amounts it is less for 30 steps
 SHARE = 1e-6  # of the rates themselves
 HARMLESS = 1e4  # growth over a run: what alternates is at the rounding of a smooth solution in the beginning
 HELD_RATE = 2.785293563405282  # R = 1

@@ -17,6 +17,7 @@ import numpy as np
 import saltation
 from basset import SCHEMES
 from basset.kernels import Floats
+from bench import combinations
 from bench.grains import at_fixed_steps, base, changed
 from saltation import statistics
 from saltation.scene import scene_of
@@ -25,8 +26,10 @@ from saltation.study import cases
 JUMPS, SHORT, DISCARD = 220, 60, 20  # the shipped run; a short one for slow schemes; left out of the means in both
 QUANTITIES = ("height", "length")
 REFERENCE = 1e-10  # rtol of the reference
+FINEST = {"basset": REFERENCE, "mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # what a kernel allows
 COLLOCATION, IMPLICIT, HELD = "collocation", "fixed_step", "runge_kutta_4"
 WHOLE, DROPPED, PUBLISHED, FITTED, SUMS = "whole past", "window, no tail", "window, published tail", "window, fitted tail", "exponentials"
+COUNTED = "window in jumps"
 RTOLS = tuple(10.0**-k for k in range(2, 9))
 LADDER = (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5, 2e-5)  # dt in d/u*; every window is a whole number of each
 FLOORED = 2.5e-4  # the finest of those whose memory's own error is what is looked for
@@ -34,6 +37,7 @@ WINDOWS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # d/u*, of those without a tail
 REMEMBERED_JUMPS, THEIR_RTOL = (1, 2, 5, 10, 20, 50), 1e-5  # windows of collocation, in jumps
 THESIS = ("semi-derivative", HELD, 1e-3)  # what the thesis flies with
 TYPICAL = {"impulse": 1.5, "reset": 3.0}  # d/u*: a jump lasts so long
+FOLLOWED = 4.0  # a step with a kernel that follows the slip over one without
 PER_STEP, PER_SAMPLE, PER_NODE = 1.2e-6, 1.1e-9, 4e-7  # s: a step, a sample in its sum, a node ahead that an impact corrects; for planning alone
 CUT = 2.5  # predicted time of a short run over `patience`, at most
 REPEATED = 0.3  # s: quicker runs are repeated, the quickest counts
@@ -78,6 +82,8 @@ def _contenders() -> tuple[Contender, ...]:
         Contender(f"Exponential(3), rtol {rtol:.0e}".replace("e-0", "e-"), SUMS, {"scheme": "exponential", "order": 3, "rtol": rtol}, 3, FLOORED)
         for rtol in rough
     ]
+    for n, jumps in ((1, "1 jump"), (2, "2 jumps"), (5, "5 jumps")):
+        found.append(Contender(f"semi-derivative, memory of {jumps}", COUNTED, {"scheme": "semi_derivative", "window_jumps": n}))
     named = {contender.history["scheme"] for contender in found}
     return (*found, *(Contender(name, WHOLE, {"scheme": name}) for name in SCHEMES if name not in named))  # schemes added there are flown too
 
@@ -93,20 +99,32 @@ FEWER = (  # where no takeoff has slip
     "Exponential(2)",
     "Exponential(3)",
 )
+FOLLOWING = (  # with a kernel that follows the slip; whole past and windows cost what a sum costs
+    "Euler–Maclaurin",
+    "Brush",
+    *(f"Daitche({p})" for p in (1, 2, 3)),
+    *(f"Daitche(2), window {w:g}" for w in (0.3, 1.0, 3.0)),
+    "Hinsberg, window 1, no tail",
+    "Daitche(2), window 1, fitted tail",
+    *(f"Exponential({p})" for p in (1, 2, 3)),
+    "Exponential(3), rtol 1e-2",
+)
 
 
 @dataclass(frozen=True)
 class Flight:
-    """One contender with its solver and step (collocation: its rtol), and how many jumps it is given."""
+    """One contender with its solver and step (collocation: its rtol), how many jumps it is given, and the kernel."""
 
     contender: Contender
     method: str
     size: float
     jumps: int = JUMPS
+    kernel: str = "basset"
 
     def scene(self, rebound: str, seed: int, jumps: int | None = None) -> Content:
         """The scene as a dictionary; its memory reaches far enough for all of the flight."""
-        content = changed(base("sand", 1, 0), run={"seed": seed}, history={"rebound": rebound, "horizon": horizon(self.contender, self.jumps, rebound)})
+        memory = {"rebound": rebound, "horizon": horizon(self.contender, self.jumps, rebound), "kernel": self.kernel}
+        content = changed(base("sand", 1, 0), run={"seed": seed}, history=memory)
         wanted = self.jumps if jumps is None else jumps
         if self.method == COLLOCATION:
             return changed(content, solver={"rtol": self.size}, history=self.contender.history, run={"jumps": wanted})
@@ -133,40 +151,41 @@ WHOLE_MEMORY = Contender("collocation", COLLOCATION, {})
 
 def horizon(contender: Contender, jumps: int, rebound: str) -> float:
     """The longest time that is remembered, d/u*; tight where all of it is corrected at every impact, ample elsewhere."""
-    return (1.25 if contender.family == WHOLE else 4.0) * TYPICAL[rebound] * jumps
+    return (1.25 if contender.family in (WHOLE, COUNTED) else 4.0) * TYPICAL[rebound] * jumps
 
 
-def predicted(contender: Contender, dt: float, jumps: int, rebound: str) -> float:
+def predicted(contender: Contender, dt: float, jumps: int, rebound: str, kernel: str = "basset") -> float:
     """Seconds that a run takes, roughly: enough to plan by."""
-    if contender.family == SUMS:
-        return TYPICAL[rebound] * jumps / dt * PER_STEP
+    if contender.family == SUMS or kernel != "basset":
+        return TYPICAL[rebound] * jumps / dt * PER_STEP * (FOLLOWED if kernel != "basset" else 1.0)
     steps, window = TYPICAL[rebound] * jumps / dt, contender.window / dt
     ahead = min(window, horizon(contender, jumps, rebound) / dt) if contender.degree else 0.0
     past = 0.5 * (steps / jumps if rebound == "reset" else steps)
     return steps * (PER_STEP + PER_SAMPLE * min(window, past)) + jumps * PER_NODE * ahead
 
 
-def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[float], patience: float) -> list[Flight]:
+def planned(contender: Contender, method: str, rebound: str, ladder: Sequence[float], patience: float, kernel: str = "basset") -> list[Flight]:
     """The steps that are affordable: in full length, cut short, or not at all. The whole past, slower with every jump, is always cut."""
     flights = []
     for dt in (dt for dt in ladder if dt >= contender.finest):
         always = rebound == "impulse" and (contender.scheme, method, dt) == THESIS
-        for jumps, most in ((JUMPS, 0.0 if contender.family == WHOLE else patience), (SHORT, math.inf if always else CUT * patience)):
-            if predicted(contender, dt, jumps, rebound) <= most:
-                flights.append(Flight(contender, method, dt, jumps))
+        grows = contender.family == WHOLE and kernel == "basset"
+        for jumps, most in ((JUMPS, 0.0 if grows else patience), (SHORT, math.inf if always else CUT * patience)):
+            if predicted(contender, dt, jumps, rebound, kernel) <= most:
+                flights.append(Flight(contender, method, dt, jumps, kernel))
                 break
     return flights
 
 
-def exact(jumps: int = JUMPS, rtol: float = REFERENCE) -> Flight:
+def exact(jumps: int = JUMPS, rtol: float | None = None, kernel: str = "basset") -> Flight:
     """The reference run."""
-    return Flight(WHOLE_MEMORY, COLLOCATION, rtol, jumps)
+    return Flight(WHOLE_MEMORY, COLLOCATION, FINEST[kernel] if rtol is None else rtol, jumps, kernel)
 
 
-def collocations(rebound: str) -> list[Flight]:
+def collocations(rebound: str, kernel: str = "basset") -> list[Flight]:
     """Collocation at every tolerance, and with a memory of some jumps."""
-    flights = [Flight(WHOLE_MEMORY, COLLOCATION, rtol) for rtol in RTOLS]
-    if rebound == "impulse":
+    flights = [Flight(WHOLE_MEMORY, COLLOCATION, rtol, kernel=kernel) for rtol in RTOLS if rtol > 1.5 * FINEST[kernel]]
+    if rebound == "impulse" and kernel == "basset":
         kept = [Contender(f"collocation, memory of {n} jump{'s' if n > 1 else ''}", COLLOCATION, {"window_jumps": n}) for n in REMEMBERED_JUMPS]
         flights += [Flight(contender, COLLOCATION, THEIR_RTOL) for contender in kept]
     return flights
@@ -199,7 +218,8 @@ def take_turns(flights: Sequence[Flight], rebound: str, seeds: Sequence[int], pa
     for seed in seeds:
         for flight, log in logs.items():
             fixed = flight.method != COLLOCATION
-            if log.reason or (seed != seeds[0] and fixed and predicted(flight.contender, flight.size, flight.jumps, rebound) > 0.25 * patience):
+            expected = predicted(flight.contender, flight.size, flight.jumps, rebound, flight.kernel)
+            if log.reason or (seed != seeds[0] and fixed and expected > 0.25 * patience):
                 continue
             if seed == seeds[0]:
                 flight.fly(rebound, seed, 1)  # compiles, and fills the tables
@@ -248,15 +268,15 @@ def is_twin(other: Flight, flight: Flight) -> bool:
     return alike and its.scheme == f"Exponential({its.degree})" != mine.scheme
 
 
-def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds: Sequence[int], patience: float) -> dict[str, Any]:
-    """All contenders in the sand scene, with one of its memories of rebounds."""
-    flights = collocations(rebound)
+def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds: Sequence[int], patience: float, kernel: str = "basset") -> dict[str, Any]:
+    """All contenders in the sand scene, with one of its memories of rebounds and a kernel."""
+    flights = collocations(rebound, kernel)
     for contender in CONTENDERS:
         if contender.scheme in names:
             for method in (IMPLICIT, HELD):
-                flights += planned(contender, method, rebound, ladder, patience)
-    references = {seed: exact().fly(rebound, seed)[1][DISCARD:] for seed in seeds}
-    others = {seed: exact(rtol=10.0 * REFERENCE).fly(rebound, seed)[1][DISCARD:] for seed in seeds}
+                flights += planned(contender, method, rebound, ladder, patience, kernel)
+    references = {seed: exact(kernel=kernel).fly(rebound, seed)[1][DISCARD:] for seed in seeds}
+    others = {seed: exact(rtol=10.0 * FINEST[kernel], kernel=kernel).fly(rebound, seed)[1][DISCARD:] for seed in seeds}
     means = np.mean([table.mean(axis=0) for table in references.values()], axis=0)
     logs = take_turns(flights, rebound, seeds, patience)
     apart = paired(list(others.values()), list(references.values()), means)
@@ -266,7 +286,7 @@ def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds:
         "mean": dict(zip(QUANTITIES, means, strict=True)),
         "unpaired_se": {name: float(np.mean(errors) / means[k]) for k, (name, errors) in enumerate(zip(QUANTITIES, scatter, strict=True))},
         "reference_apart": max(apart[name]["max"] for name in QUANTITIES),
-        "duration": float(np.mean([saltation.run(scene_of(exact().scene(rebound, seed))).jumps["duration"].mean() for seed in seeds[:1]])),
+        "duration": float(np.mean([saltation.run(scene_of(exact(kernel=kernel).scene(rebound, seed))).jumps["duration"].mean() for seed in seeds[:1]])),
         "records": [record_of(flight, log, logs, references, means) for flight, log in logs.items()],
     }
 
@@ -283,4 +303,6 @@ def run(full: bool) -> dict[str, Any]:
         "thesis": THESIS,
         "impulse": measured("impulse", [contender.scheme for contender in CONTENDERS], ladder, seeds, patience),
         "reset": measured("reset", FEWER, ladder, seeds, patience),
+        **{kernel: measured("impulse", FOLLOWING, ladder, seeds, patience, kernel) for kernel in FINEST if kernel != "basset"},
+        "combinations": combinations.rows(),
     }

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from basset.kernels import AnyKernel, BassetKernel, VaryingSlipKernel
 from saltation._tables import Table
 from saltation.effects.base import Setting
 from saltation.grain import Numbers
@@ -21,21 +22,30 @@ NAME = "history"
 SOURCE = "Basset (1888); Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833; thesis (3-1), (5-3)"
 VALID = "creeping flow far from walls; at Re around 50 an extrapolation"
 KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
+SLIPS = (1e-3, 1e3)  # V: a slower grain's kernel is Basset's as far as steps see
 
 
 class Options(Table):
     """Kernel, scheme, and the treatment at an impact."""
 
     rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="treatment of the history force at an impact")
-    kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the current slip")
+    kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the slip")
+    slip_at: Literal["t", "tau"] | None = Field(None, description="whose slip such a kernel takes: the current one, 't' (default), or that of the past rate")
     scheme: str = Field("exponential", description="any key of basset.SCHEMES")
     order: int | None = Field(None, ge=1, le=10, description="degree of a product rule")
     rtol: float | None = Field(None, gt=0.0, lt=1.0, description="promised relative error of a fitted sum of exponentials, dimensionless")
     rule: str | None = Field(None, description="the rule inside a window (scheme = 'windowed')")
     window: float | None = Field(None, gt=0.0, description="window in units of d/u*")
-    window_jumps: int | None = Field(None, ge=1, le=50, description="memory of that many jumps only (the thesis's T_back); collocation")
-    tail: str | bool | None = Field(None, description="beyond a window: 'fitted', 'van_hinsberg' or false")
+    window_jumps: int | None = Field(None, ge=1, le=50, description="memory of that many jumps only (the thesis's T_back)")
+    tail: str | bool | None = Field(None, description="beyond a window: 'fitted', 'van_hinsberg', 'casas', 'casas_5_I1' (terms, norm) or false")
     horizon: float | None = Field(None, gt=0.0, description="longest time that is remembered, in units of d/u*; default 20 per jump")
+
+
+def kernel_of(options: Options, numbers: Numbers) -> AnyKernel:
+    """The kernel at fixed steps, in units of d and V."""
+    if options.kernel == "basset":
+        return BassetKernel()
+    return VaryingSlipKernel(1.0, 1.0 / numbers.reynolds, SLIPS, options.slip_at or "t", *KERNELS[options.kernel])
 
 
 def build(options: Options, setting: Setting) -> Any:

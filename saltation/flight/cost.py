@@ -13,11 +13,12 @@ FLIGHT = 1.5  # d/u*: typical duration of a jump
 
 def cost_of(scene: Scene) -> float:
     """About how many jumps' worth of time a scene takes."""
+    each = 1 if scene.solver.method == "collocation" else FIXED_STEP_COST
     if scene.cloud is not None:
-        return float(scene.cloud.number * scene.end / FLIGHT)
+        return float(scene.cloud.number * scene.end / FLIGHT * each)
     if scene.run.jumps is None:
         return CHUNK
-    return float(scene.run.jumps * (1 if scene.solver.method == "collocation" else FIXED_STEP_COST))
+    return float(scene.run.jumps * each)
 
 
 def form_of(scene: Scene) -> Any:

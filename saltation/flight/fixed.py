@@ -12,14 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import call, entry, invoke, placed, shared
-from basset.kernels import Floats
+from basset.kernels import Floats, VaryingSlipKernel
+from basset.quadrature.rule import slip_recipes
 from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
 from basset.solvers.stability import degree_of
+from basset.streaming.following import FollowingPlan
+from basset.streaming.forgetting import JumpWindow
 from saltation._random import uniforms
 from saltation.bed.roughness import contact_plane
+from saltation.effects.history import kernel_of
 from saltation.flight import equations, layout
-from saltation.flight.setup import Engine, Grain, empty_record
+from saltation.flight.setup import Engine, Grain, Start, empty_record
 from saltation.flow import velocity_and_shear
 
 IMPACT = 32  # why the loop returns, beside its own codes and those of a flight
@@ -107,13 +111,16 @@ check_entry = entry(checked)
 class FixedGrain(Grain):
     """One grain during a run at fixed steps."""
 
-    def __init__(self, engine: Engine) -> None:
-        super().__init__(engine)
+    def __init__(self, engine: Engine, grain: int = 0, start: Start | None = None) -> None:
+        super().__init__(engine, grain, start)
         scene, m, n, dt = engine.scene, engine.members, engine.states, engine.scene.solver.dt or 0.0
         rule = scene.history_rule(engine.horizon)
         degree = degree_of(rule)
-        self.plan = rule.plan(dt, engine.horizon if m else 2.0 * dt)
-        self.samples = self.plan.start((m,))
+        options, horizon = scene.options("history"), engine.horizon if m else 2.0 * dt
+        kernel = kernel_of(options, engine.numbers)
+        self.plan: Any = FollowingPlan(*slip_recipes(rule, dt, horizon, kernel)) if m and isinstance(kernel, VaryingSlipKernel) else rule.plan(dt, horizon)
+        self.samples: Any = self.plan.start(m)
+        self.window = JumpWindow(self.plan, options.window_jumps) if m and options.window_jumps is not None else None
         self.memory = self.memory._replace(horizon=(scene.steps_of(engine.horizon) + 0.5) * dt if m else math.inf)
         self.state = self.state._replace(past=np.zeros((m, 0)))
         self.record = _fixed.Record(np.zeros(ROWS), np.zeros((ROWS, n)), np.zeros((ROWS, n)))
@@ -138,14 +145,18 @@ class FixedGrain(Grain):
         d, m, rate = engine.dimensions, engine.members, np.zeros(engine.states)
         self.spin[3] = equations.layer_of(engine.model, state.y[d - 1], state.y[2 * d - 1])
         equations.rates_of(engine.equation, 0.0, state.y, rate, self.spin)
+        slip = {"slip": state.y[d : d + m]} if isinstance(self.plan, FollowingPlan) else {}
         if m and anew:
-            for array in samples:
+            for array in samples if not slip else ():  # the other plan's first sample does so
                 array[...] = 0.0
             self.plan.push(samples, rate[d : d + m])
-            self.plan.jump(samples, state.jump.copy())
+            self.plan.jump(samples, state.jump.copy(), **slip)
         elif m:
             rate[d : d + m] -= engine.problem.strength * samples.history
-            self.plan.jump(samples, state.jump.copy(), g=rate[d : d + m])
+            jump = self.plan.jump if self.window is None else self.window.jump
+            jump(samples, state.jump.copy(), g=rate[d : d + m].copy(), **slip)
+        if self.window is not None and anew:
+            self.window.begin(samples, state.jump)
         self._steps.recent[0] = rate
         numbers[KNOWN], numbers[SEEN], numbers[GROWN], numbers[MATRIX] = 1.0, 0.0, 0.0, 0.0
 

@@ -95,7 +95,7 @@ class Accuracy(NamedTuple):
 def accuracy(scene: Any) -> Accuracy:
     """Of the steps of a scene."""
     rtol = scene.solver.rtol
-    follows = "history" in scene.names and scene.options("history").kernel != "basset"
+    follows = scene.solver.method == "collocation" and "history" in scene.names and scene.options("history").kernel != "basset"
     # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
     return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR, follows)
 

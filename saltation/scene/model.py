@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import tomllib
 from functools import cached_property
 from importlib import resources
@@ -19,8 +20,10 @@ from basset import _validate
 from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
 from saltation.effects import EFFECTS
+from saltation.effects.history import kernel_of
 from saltation.flow import profile_of
 from saltation.grain import Numbers, numbers_of
+from saltation.scene.memory import barred
 from saltation.scene.messages import sentence
 from saltation.scene.presets import ALL, PRESETS, Preset
 from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Run, SceneError, Solver, Start
@@ -223,13 +226,15 @@ class SceneBase(Table):
         return self
 
     def _check_cloud(self, cloud: Cloud) -> None:
-        """Many grains need a duration and collocation, and a box that is wide enough."""
+        """Many grains need a duration, those that meet collocation too, and a box that is wide enough."""
         if self.run.duration is None:
             raise ValueError("cloud: many grains fly for a time: give run.duration (s) instead of run.jumps")
-        if self.solver.method != "collocation":
-            raise ValueError(f"cloud: every grain chooses its own steps: take solver.method = 'collocation', not {self.solver.method!r}")
-        if "history" in self.names and self.options("history").window_jumps is not None:
-            raise ValueError("cloud: history.window_jumps is for a single grain: leave it out")
+        fixed = self.solver.method != "collocation"
+        if fixed and "encounters" in self.names:
+            what = "grains meet between nodes, and moved to a node they lie in each other by what they close in a step"
+            raise ValueError(f"effects: 'encounters' at fixed steps: {what}: take solver.method = 'collocation', not {self.solver.method!r}")
+        if not fixed and "history" in self.names and self.options("history").window_jumps is not None:
+            raise ValueError("cloud: history.window_jumps is for a single grain, or for fixed steps: leave it out")
         if "encounters" in self.names and cloud.boundary == "periodic" and self.box[0] < NARROWEST:
             raise ValueError(
                 f"cloud.number = {cloud.number} at this concentration makes a periodic box {self.box[0]:.3g} d long, "
@@ -315,26 +320,24 @@ class SceneBase(Table):
         if self.horizon > LONGEST and not self.widens:
             what = f"history.horizon must be {LONGEST:g} or less" if options.horizon else f"run.duration must be {0.99 * LONGEST:g} or less with history"
             raise ValueError(f"{what}, got {self.horizon / (1.0 if options.horizon else 1.01):g} (units of d/u*)")
-        kernels = options.kernel != "basset"
-        if kernels and (options.scheme != "exponential" or self.solver.method != "collocation"):
-            raise ValueError(
-                f"history.kernel = {options.kernel!r} follows the current slip, which only exponentials with collocation can: "
-                "take scheme = 'exponential' and solver.method = 'collocation', or kernel = 'basset'"
-            )
+        refused = barred(options, self.solver.method)
+        if refused is not None:
+            raise ValueError(str(refused))
+        if options.slip_at is not None and options.kernel == "basset":
+            raise ValueError("history.slip_at has no meaning for history.kernel = 'basset', which is the same at every slip: leave it out")
         if self.solver.method == "collocation":
+            if options.slip_at == "tau":
+                raise ValueError("history.slip_at = 'tau': collocation follows the current slip: take history.slip_at = 't'; or fixed steps")
             finest = FINEST_STEPS.get(options.kernel, 0.0)
             if self.solver.rtol < finest:
                 what = "its powers of time are none that a step can hold to more digits"
                 raise ValueError(f"solver.rtol must be {finest:g} or greater for history.kernel = {options.kernel!r}, got {self.solver.rtol:g}: {what}")
-            if options.scheme != "exponential" or options.window is not None or options.rule is not None or options.tail is not None:
-                what = f"scheme = {options.scheme!r}" if options.scheme != "exponential" else "a window"
-                raise ValueError(f"history: {what} samples the past at fixed steps: take solver.method = 'fixed_step' with dt, or scheme = 'exponential'")
             for name in ("order", "rtol"):
                 if getattr(options, name) is not None:
                     raise ValueError(f"history.{name} belongs to fixed steps: with solver.method = 'collocation' solver.rtol decides, leave it out")
             return
-        if options.window_jumps is not None:
-            raise ValueError("history.window_jumps needs solver.method = 'collocation'; fixed steps take history.window in units of d/u*")
+        if options.window_jumps is not None and options.window is not None:
+            raise ValueError("history.window_jumps is a window of its own: leave it out, or history.window and history.tail")
         self.steps_of(self.horizon)
 
     def steps_of(self, horizon: float) -> int:
@@ -359,12 +362,15 @@ class SceneBase(Table):
         >>> scene_of(content).steps_of(20.0)
         2000
         """
-        from basset import BassetKernel
-        from basset.quadrature.rule import reach
+        from basset import BassetKernel, VaryingSlipKernel
+        from basset.quadrature.rule import reach, slip_recipes
+        from basset.streaming.following import remembered
 
-        rule = self.history_rule(horizon)
+        rule, dt, kernel = self.history_rule(horizon), float(self.solver.dt or 0.0), kernel_of(self.options("history"), self.numbers)
         try:
-            return reach(rule, float(self.solver.dt or 0.0), horizon, BassetKernel())[0]
+            if "history" in self.names and isinstance(kernel, VaryingSlipKernel):
+                remembered(*slip_recipes(rule, dt, horizon, kernel))
+            return reach(rule, dt, horizon, BassetKernel())[0]
         except ValueError as error:
             text = str(error).replace(" seconds", " d/u*").replace(" s ", " d/u* ").replace("basset.Exponential", "scheme = 'exponential'")
             raise ValueError(f"history.{text} (solver.dt = {self.solver.dt:g} d/u*)") from None
@@ -430,8 +436,12 @@ class SceneBase(Table):
         start = whole_steps(options.window, dt) * dt if dt > 0.0 else options.window  # the window in whole steps
         if options.tail == "van_hinsberg":
             return ExponentialSum.van_hinsberg(start)
+        casas = re.fullmatch(r"casas(?:_([1-9]|10))?(?:_(I1|I2t))?", str(options.tail))
+        if casas is not None:
+            return ExponentialSum.casas(start, int(casas[1] or 10), casas[2] or "I2t")
         if options.tail != "fitted":
-            raise ValueError(f"tail must be 'fitted', 'van_hinsberg' or false, got {_validate.shown(options.tail)}")
+            known = "'fitted', 'van_hinsberg', 'casas', 'casas_5_I1' (1 to 10 terms in the norm I1 or I2t) or false"
+            raise ValueError(f"tail must be {known}, got {_validate.shown(options.tail)}")
         return ExponentialSum.fit(0.5 * options.window, max(horizon + dt, 2.0 * options.window), rtol)
 
     @property

@@ -115,11 +115,12 @@ def computed(scene: Scene) -> dict[str, str]:
 def _memory(scene: Scene, engine: Engine) -> str:
     options = scene.options("history")
     after = f"; at a rebound: {options.rebound}" if scene.bed is not None else ""
+    last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
     if scene.solver.method != "collocation":
-        return f"{engine.members} components of the slip, {scene.history_rule()!r}{after}"
+        slip = f" of the slip at {options.slip_at or 't'}" if options.kernel != "basset" else ""
+        return f"{engine.members} components of the slip, {scene.history_rule()!r}, kernel {options.kernel}{slip}{last}{after}"
     grows = engine.problem.end < engine.end or (options.horizon is None and scene.run.duration is None)
     reach = f"{engine.horizon:g} {_unit_of_time(scene)} long{', more where the run outlasts it' if grows else ''}"
-    last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
     return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {reach}{last}{after}"
 
 

@@ -59,13 +59,17 @@ def contents(draw):
         content["solver"] = {"method": one_of("fixed_step", "runge_kutta_4"), "dt": draw(decades(1e-3, 0.05))}
         if "history" in effects:
             content["history"] = {
-                "rebound": content["history"]["rebound"],
+                **content["history"],
                 "scheme": one_of("exponential", "daitche", "semi_derivative", "hinsberg", "windowed"),
             }
+            if content["history"]["kernel"] != "basset":
+                content["history"]["slip_at"] = one_of("t", "tau")
+            if content["history"]["scheme"] not in ("hinsberg", "windowed") and draw(st.booleans()):
+                content["history"]["window_jumps"] = draw(st.integers(1, 3))
             if content["history"]["scheme"] in ("hinsberg", "windowed"):
                 content["history"]["window"] = draw(decades(1e-3, 3.0))
             if content["history"]["scheme"] == "windowed":
-                content["history"] |= {"tail": one_of(False, "fitted", "van_hinsberg"), "rule": one_of("daitche", "brush", "semi_derivative")}
+                content["history"] |= {"tail": one_of(False, "fitted", "van_hinsberg", "casas_4"), "rule": one_of("daitche", "brush", "semi_derivative")}
     content["run"] = {"jumps": draw(st.integers(1, 12))} if with_bed else {"duration": draw(decades(1e-6, 1e5))}
     content["run"]["seed"] = draw(st.integers(0, 1000))
     return content

@@ -241,3 +241,34 @@ def test_stopped_before_the_first_part(monkeypatch, tmp_path):
     opened = saltation.open(tmp_path / "run")
     assert (opened.status, opened.time, len(opened.all_jumps), len(opened.encounters)) == ("unfinished", 0.0, 0, 0)
     same(saltation.run(made, output=tmp_path / "run"), saltation.run(made))
+
+
+# At fixed steps
+
+
+def apart(dt, **changes):
+    """Three grains that do not meet."""
+    content = {"effects": [name for name in saltation.load("sand_cloud").effects if name != "encounters"], "encounters": None, "cloud": {"number": 3}}
+    solver = {"method": "fixed_step", "dt": dt} if dt else {"rtol": 1e-7}
+    return sand_cloud(5.0, **content, solver=solver, **changes)
+
+
+def test_grains_at_fixed_steps_are_those_of_collocation_as_the_step_vanishes():
+    exact, coarse, fine = (saltation.run(apart(dt)) for dt in (0.0, 4e-3, 1e-3))
+    assert {coarse.status, fine.status, exact.status} == {"finished"}
+    for grain in range(3):
+        tables = (result.all_jumps for result in (exact, coarse, fine))
+        first = [table["height"][table["grain"] == grain].iloc[0] for table in tables]
+        assert abs(2.0 * first[2] - first[1] - first[0]) < 5e-3 * first[0] < 0.5 * abs(first[2] - first[0])
+    paths = [result.trajectory.isel(time=slice(0, 8)) for result in (exact, fine)]
+    assert all(np.abs(paths[1][name] - paths[0][name]).max() < 0.1 for name in "xyzuvw")  # before any lands
+    assert paths[0]["time"].equals(paths[1]["time"]) and not fine.trajectory.isel(time=slice(0, -1)).isnull().any().to_array().any()
+
+
+def test_grains_at_fixed_steps_fly_alike_whoever_else_flies(tmp_path):
+    made = apart(4e-3, history={"scheme": "semi_derivative", "window_jumps": 2})
+    together = saltation.run(made)
+    alone = simulation.run_cloud(made, grains=range(1, 2))
+    assert alone.all_jumps.equals(together.all_jumps.query("grain == 1").reset_index(drop=True))
+    same(saltation.run(made, output=tmp_path / "kept"), together)
+    same(saltation.run(made, output=tmp_path / "kept"), together)  # it is there already
