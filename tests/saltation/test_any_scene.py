@@ -91,7 +91,8 @@ def run_briefly(made):
         build(self, *args)
         self.problem = self.problem._replace(max_steps=MOST_STEPS)
         if made.solver.dt is not None:
-            self.problem = self.problem._replace(end=min(self.problem.end, MOST_STEPS * made.solver.dt))
+            self.end = min(self.end, MOST_STEPS * made.solver.dt)
+            self.problem = self.problem._replace(end=min(self.problem.end, self.end))
 
     with mock.patch.object(engine.Engine, "__init__", bounded), np.errstate(all="ignore"):
         return saltation.run(made)
