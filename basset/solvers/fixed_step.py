@@ -51,6 +51,7 @@ def on_nodes(task: Task, dt: float, count: int) -> list[tuple[int, Segment]]:
     return found
 
 
+LOOKS = 17  # nodes of a path, its ends among them
 SHORTER = "take a smaller dt, a lower degree, or Collocation"
 
 
@@ -152,10 +153,23 @@ class _Integration:
                 trace.states.append(y.copy())
             if code in (STOPPED, AT_REST):
                 trace.status = 1 if code == STOPPED else 2
-                return
+                break
             if broken and not leapt:
                 self._jump(end, np.zeros(len(task.memory)))
                 self._check(end)
+        if self.kind == _fixed.HELD:
+            self._look_back()
+
+    def _look_back(self) -> None:
+        """SolverError if explicit steps were too long at three of some nodes: what they add need not alternate."""
+        trace, wrong = self.trace, 0
+        for k in np.unique(np.linspace(0, len(trace.times) - 1, LOOKS, dtype=int))[1:]:
+            try:
+                self._check(trace.times[k], trace.states[k])
+            except SolverError:
+                wrong += 1
+                if wrong == 3:
+                    raise
 
     def _turn(self, stop: int, segment: Segment) -> int:
         """Go on in the next segment between two breaks; the node at its end."""
@@ -201,11 +215,12 @@ class _Integration:
         """fun(t, y), from within the segment between two breaks."""
         return self.task.rate(min(max(t, self.equation.first), self.equation.last), y)
 
-    def _check(self, t: float) -> None:
-        """SolverError if steps are too long to be stable for what `fun` is now."""
+    def _check(self, t: float, y: Floats | None = None) -> None:
+        """SolverError if steps are too long to be stable for what `fun` is now, or was in states y."""
         if not self.limited:
             return
-        y, held, strength = self.state.y, self.kind == _fixed.HELD, np.zeros(len(self.state.y))
+        y = self.state.y if y is None else y
+        held, strength = self.kind == _fixed.HELD, np.zeros(len(self.state.y))
         strength[self.task.memory] = self.felt
         here = self._free(t, y)
         for share in (1.5e-8, 1e-5):  # where fun is not smooth, the two differ

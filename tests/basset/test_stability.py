@@ -118,3 +118,22 @@ def test_bad_numbers(bad):
         longest_step("daitche", bad, 1.0)
     with pytest.raises(ValueError, match="coefficient must be"):
         basset.advise(1e-3, time_scale=1.0, duration=1.0, coefficient=bad)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize(
+    ("fun", "y0"),
+    [
+        (lambda t, y: [-300.0 * t * y[0] + np.sin(t)], [0.0]),
+        (lambda t, y: [-500.0 * abs(y[0]) * y[0] + 500.0 * np.sin(2.0 * t)], [0.0]),
+    ],
+    ids=["with time", "with the state"],
+)
+def test_drag_that_stiffens_on_the_way_is_no_success_of_explicit_steps(fun, y0, dt):
+    """Runge–Kutta's growing solution does not alternate: 1e80 as a success."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = basset.solve(fun, (0.0, 3.0), y0, coefficient=0.6, method=basset.RungeKutta4(dt))
+    assert result.status == -1
+    fine = basset.solve(fun, (0.0, 3.0), y0, coefficient=0.6, method=basset.RungeKutta4(dt / 64.0))
+    exact = basset.solve(fun, (0.0, 3.0), y0, coefficient=0.6, method=basset.Collocation(1e-8))
+    assert fine.status == 0 and fine.y[:, -1] == pytest.approx(exact.y[:, -1], abs=0.01)
