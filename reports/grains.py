@@ -315,6 +315,7 @@ def grains(data: dict[str, Record]) -> str:
         low_factor=factor(float(np.median(printed_over(met(found, LOW))))),
         scattered_rates=listed([f"{row['pair_frequency']:.2g}" for row in scattered]),
         printed_rates=listed([f"{row['pair_frequency_printed']:.2g}" for row in scattered]),
+        dense_factor=span([1.0 / ratio for ratio in printed_over(met(found, HIGH, True))]),
         high_factor=span([1.0 / ratio for ratio in printed_over(met(found, HIGH))]),
         clipped=f"{study['clipped'][0]['pairs']:.2g}",
         scattered=f"{study['clipped'][1]['pairs']:.2g}",
@@ -418,9 +419,9 @@ def draw_moments(runs: list[Record], across: Record) -> Any:
         axes.set(title=name, xlabel="time since release (d/u*)", ylabel=f"⟨{axis.upper()}'²⟩ (d²)")
         axes.grid(True, which="major", alpha=0.3)
     both = of(across["curves"], scatter=True, encounters=True)[0]["moment"]
-    for axes, lag, values in zip(panels, (runs[0]["first"]["lag"], across["lag"]), (runs[0]["first"]["x"], both), strict=True):
+    for axes, lag, values, below in zip(panels, (runs[0]["first"]["lag"], across["lag"]), (runs[0]["first"]["x"], both), (0.2, 0.02), strict=True):
         middle = len(lag) // 2
-        _slope(axes, lag[middle], 0.2 * values[middle], 6.0 * lag[middle], 1.0, "slope 1\n(γ = ½)", "right")
+        _slope(axes, lag[middle], below * values[middle], 6.0 * lag[middle], 1.0, "slope 1\n(γ = ½)", "right")
     for axes in panels:
         axes.legend(loc="upper left", fontsize=9)
     figure.suptitle("Encounters and tilted planes of the bed spread grains across the stream")
