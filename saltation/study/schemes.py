@@ -411,13 +411,15 @@ class Ladder:
 
     def climb(self, sizes: Sequence[float], rival: float) -> None:
         """One step after the other; `rival`: the time of a jump (s) by other means, below which there is nothing to find."""
-        going = list(self.entries)
+        going: list[Entry] = []
         for rung, size in enumerate(sizes):
             jumps = FIRST if rung == 0 and len(sizes) > 1 else None
+            going += [entry for entry in self.entries if not entry.samples and size <= self.starts[entry.candidate]]
+            if not going:
+                continue
             self.trial.say(f"fixed steps of {size:.3g} d/u*: {len(going)} candidates")
             for entry in going:
-                if size <= self.starts[entry.candidate]:
-                    entry.samples.append(self.trial.sample(entry, size, LOOKS if jumps is None else 1, jumps))
+                entry.samples.append(self.trial.sample(entry, size, LOOKS if jumps is None else 1, jumps))
             timed = [(entry, entry.last) for entry in going if entry.alive]
             if jumps is None:
                 self.trial.timed(timed)
@@ -444,7 +446,7 @@ class Ladder:
         What neither keeps the error nor is quicker than what does is beaten at every step: of those only the best goes on, to tell by how much.
         """
         kept = [entry for entry in ranked if entry.time_at(size) * self.trial.count * LOOKS < PATIENCE]
-        open_ = [entry for entry in kept if entry.last.seconds <= 2.0 * rival]
+        open_ = [entry for entry in kept if entry.last.seconds <= 2.0 * rival or entry.last.bound <= self.error]
         found = [entry for whole in (True, False) for entry in [e for e in open_ if e.candidate.whole is whole][:KEPT]]
         for entry in open_ if each else ():
             if not any(alike(entry, other) for other in found):
@@ -664,4 +666,7 @@ def verdict(table: pd.DataFrame) -> str:
     rival = rivals.iloc[0]
     what = f"collocation at rtol = {rival['rtol']:g}" if rival["solver"] == COLLOCATION else f"{rival['scheme']} ({rival['solver']}, dt = {rival['dt']:g} d/u*)"
     wins = "collocation wins: " if best["solver"] == COLLOCATION else ""
-    return f"{wins}{text}; the best of the others, {what}, takes {rival['seconds'] / best['seconds']:.3g} times as long"
+    ratio = rival["seconds"] / best["seconds"]
+    if ratio < 1.0:
+        return f"{text}; {what} would be {1.0 / ratio:.3g} times as quick"
+    return f"{wins}{text}; the best of the others, {what}, takes {ratio:.3g} times as long"
