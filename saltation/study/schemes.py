@@ -49,7 +49,7 @@ TAIL_SHARE = 0.1  # of the wanted error, for what a fitted sum loses
 COARSEST, FINER = 1.0 / 32.0, 4.0  # the first step over a mean jump; over the next one
 RUNGS = 4  # steps of a ladder, at most
 FIRST, CHAIN, START = 12, 60, 10  # jumps of the first look, of other runs; those left out at their start, at most
-LOOKS, MOST = 2, 96  # runs of a candidate with other beds: at first, at most
+LOOKS, SURE, MOST = 2, 8, 96  # runs of a candidate with other beds: at first, of collocation, which is quick; at most
 KEPT = 2  # candidates that go on to the next step, of those that drop nothing of the past and of the others
 HOPELESS = 8.0  # predicted time over the best so far: not worth a closer look
 CLOSE = 1.6  # those within it of the best are timed against each other
@@ -348,9 +348,9 @@ class Trial:
         seconds = max(1e-9, min(taken for _, _, taken in flights) - once) / jumps
         return Sample(size, found.mean, found.error, seconds * (self.jumps / jumps if entry.grows else 1.0), runs=runs)
 
-    def decided(self, entry: Entry, size: float, error: float, most: int = MOST) -> Sample:
+    def decided(self, entry: Entry, size: float, error: float, most: int = MOST, least: int = LOOKS) -> Sample:
         """With as many beds as it takes to tell whether an error is kept."""
-        runs = LOOKS
+        runs = least
         while True:
             found = self.sample(entry, size, runs)
             surely = max((abs(c) - cases.BOUND * e for c, e in zip(found.change, found.error, strict=True)), default=0.0) > error
@@ -380,12 +380,12 @@ def collocations(trial: Trial, entries: Sequence[Entry], error: float, finest: b
     """Collocation at every tolerance down to the first that keeps the error and the next one, or at all of them; a shorter memory where the whole one keeps."""
     whole = entries[0]
     for rtol in (rtol for rtol in RTOLS if rtol >= 10.0 * trial.rtol * (1.0 - 1e-9) and trial.accepts(whole.candidate, rtol)):
-        whole.samples.append(trial.decided(whole, rtol, error))
+        whole.samples.append(trial.decided(whole, rtol, error, least=SURE))
         if not finest and len(whole.samples) > 1 and whole.samples[-2].bound <= error:
             break
     kept = next((sample for sample in whole.samples if sample.bound <= error), whole.last)
     for entry in entries[1:]:
-        entry.samples.append(trial.decided(entry, kept.size, error))
+        entry.samples.append(trial.decided(entry, kept.size, error, least=SURE))
 
 
 class Ladder:
