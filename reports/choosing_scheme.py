@@ -6,7 +6,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-from basset._look import BLUE, GREY, ORANGE
+from basset._look import BLUE, ORANGE
 from reports.site.page import Page, fill, footer, save, table
 from reports.words import Record, factor, listed, seconds
 
@@ -59,7 +59,7 @@ def choices(data: Record) -> str:
 
 
 def draw(data: Record) -> Any:
-    """Time per jump of what is chosen, of the quickest fixed step whatever its error, and of the best fixed steps that keep the error."""
+    """Time per jump of what is chosen and of the best fixed steps that keep the error."""
     figure, axes = plt.subplots(figsize=(9.0, 5.6))
     names = list(data["scenes"])
     for place, name in enumerate(reversed(names)):
@@ -68,10 +68,8 @@ def draw(data: Record) -> Any:
             axes.plot(row["seconds"], place, "o" if wide else "x", color=BLUE)
             if row["fixed"]:
                 axes.plot(row["fixed"]["seconds"], place, "s" if wide else "x", color=ORANGE)
-        axes.plot(data["scenes"][name]["rows"][0]["quickest_fixed"], place, "|", color=GREY, markersize=12)
     axes.plot([], [], "o", color=BLUE, label="chosen (cross: for the smaller error)")
     axes.plot([], [], "s", color=ORANGE, label="fixed steps at that error, extrapolated (cross: the smaller)")
-    axes.plot([], [], "|", color=GREY, markersize=12, label="quickest of all fixed steps, whatever their error")
     axes.set(xscale="log", xlabel="CPU time per jump (s)")
     axes.set_yticks(range(len(names)), list(reversed(names)))
     axes.legend(loc="upper center", bbox_to_anchor=(0.35, -0.12), frameon=False, fontsize=8)
@@ -84,7 +82,6 @@ def build(data: dict[str, Record]) -> str:
     own = data["choosing_scheme"]
     rows = rows_of(own)
     times = [row["fixed"]["seconds"] / row["seconds"] for row in rows if row["fixed"] and row["solver"] == "collocation"]
-    quick = min(row["quickest_fixed"] / row["seconds"] for row in rows)
     orders = [row["fixed"]["order"] for row in rows if row["fixed"]]
     return fill(
         "choosing_scheme.md",
@@ -96,7 +93,10 @@ def build(data: dict[str, Record]) -> str:
         collocation=sum(row["solver"] == "collocation" for row in rows),
         least=factor(min(times)),
         most=factor(max(times)),
-        quick=factor(quick),
+        missed=listed([f"{row['scene']} at {100.0 * row['wanted']:g} %" for row in rows if row not in kept(own)]),
+        promised=listed([percent(row["promised"]) for row in rows if row not in kept(own)]),
+        longer=listed([percent(row["error"]) for row in rows if row not in kept(own)]),
+        dear=listed([f"{row['scene']} at {100.0 * row['wanted']:g} %" for row in rows if row not in cheap(own) and row in kept(own)]),
         low=f"{min(orders):.2f}",
         high=f"{max(orders):.2f}",
         choosing=f"{min(row['choosing'] for row in rows):.0f} to {max(row['choosing'] for row in rows):.0f}",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import saltation
@@ -23,7 +24,6 @@ OTHER = 1000  # added to the seeds that a choice has seen
 TIGHT = (1e-10, *schemes.REFERENCES)
 LONGER, BEDS, SOME = 200, 6, 12  # jumps of a run, runs; jumps of a look at the time
 CHEAPER = 1.5  # times within it of the cheapest are as good
-SHORTEST = 6  # halvings of a step, at most
 PLANE = {"effects": ["weight", "drag", "added_mass", "history"], "dimensions": 2, "magnus": None, "rotation": None}
 KEEPING = {"rebound": "garcia_nino", "friction": None, "tangential_retention": 0.8}
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {  # name -> shipped scene, what is changed
@@ -89,8 +89,7 @@ def measured(name: str) -> dict[str, Any]:
     found = [chosen_in(scene_from_tables(json.loads(table.attrs["scene"]))) for _, table, _ in choices]
     flights = {(candidate, size): (Entry(candidate), trial.sample(Entry(candidate), size, BEDS)) for candidate, size in found}
     trial.timed(list(flights.values()))
-    most = max(sample.seconds for _, sample in flights.values())
-    rivals, quickest = every_rival(trial, most)
+    rivals, quickest = every_rival(trial, {wanted: flights[key][1].seconds for wanted, key in zip(ERRORS, found, strict=True)})
     every = [*flights.values(), *((entry, sample) for entry, sample in rivals if (entry.candidate, sample.size) not in flights)]
     trial.timed([(entry, sample) for entry, sample in every if sample.status == "finished"])
     rows = []
@@ -122,8 +121,11 @@ def told(candidate: Candidate, sample: Sample) -> dict[str, Any]:
     return said | {"error": sample.largest, "bound": sample.bound, "seconds": sample.seconds}
 
 
-def every_rival(trial: Trial, most: float) -> tuple[list[tuple[Entry, Sample]], float]:
-    """All that could be cheaper, flown; and the quickest jump of all fixed steps, at the longest step that the scene accepts: shorter ones take longer."""
+def every_rival(trial: Trial, chosen: Mapping[float, float]) -> tuple[list[tuple[Entry, Sample]], float]:
+    """All that could be cheaper than what was chosen (error -> s per jump), flown; and the quickest jump of all fixed steps, at the longest step accepted.
+
+    Of fixed steps the finest that is quick enough: its error is the smallest.
+    """
     sizes = [schemes.rounded(trial.duration / 4.0 * 2.0**-k) for k in range(4)]
     found: list[tuple[Entry, Sample]] = []
     quickest = math.inf
@@ -132,24 +134,31 @@ def every_rival(trial: Trial, most: float) -> tuple[list[tuple[Entry, Sample]], 
         if not candidate.fixed:
             found += [(entry, trial.sample(entry, rtol, BEDS)) for rtol in schemes.RTOLS[:2]]
             continue
-        for halving in range(SHORTEST):
-            seconds = jump_of(trial, entry, size / 2.0**halving, most)
-            quickest = min(quickest, seconds)
-            if seconds > most:
-                break
-            found.append((entry, trial.sample(entry, size / 2.0**halving, BEDS)))
+        seconds = jump_of(trial, entry, size)
+        quickest = min(quickest, seconds)
+        for wanted, most in chosen.items():
+            if seconds <= most / CHEAPER:
+                found.append((entry, trial.decided(entry, finest(trial, entry, size, most / CHEAPER), wanted, BEDS)))
     return found, quickest
 
 
-def jump_of(trial: Trial, entry: Entry, size: float, most: float) -> float:
-    """CPU seconds of a jump; at a look, or carefully where that is quicker than `most`."""
+def finest(trial: Trial, entry: Entry, size: float, most: float) -> float:
+    """The shortest step, to a factor of the root of two, at which a jump takes at most so many seconds of CPU time."""
+    shorter = 0.25
+    while shorter < 1.0:
+        if trial.accepts(entry.candidate, schemes.rounded(size * shorter)) and jump_of(trial, entry, schemes.rounded(size * shorter)) <= most:
+            size = schemes.rounded(size * shorter)
+        else:
+            shorter **= 0.5
+            if shorter > 0.71:
+                break
+    return size
+
+
+def jump_of(trial: Trial, entry: Entry, size: float) -> float:
+    """CPU seconds of a jump, at a look."""
     (_, _, once), (_, _, some) = trial.fly([trial.paired_scene(entry.candidate, size, jumps) for jumps in (1, SOME)])
-    seconds = (some - once) / (SOME - 1)
-    if seconds > most:
-        return seconds
-    sample = Sample(size, trial.means, trial.means, math.nan)
-    trial.timed([(entry, sample)])
-    return sample.seconds
+    return max(1e-9, (some - once) / (SOME - 1))
 
 
 def scene_of(named: tuple[str, dict[str, Any]]) -> Any:
@@ -163,4 +172,4 @@ def run(full: bool) -> dict[str, Any]:
     names = list(SCENES) if full else list(SCENES)[:2]
     with processes(min(cores(), len(names))) as pool:
         found = dict(zip(names, pool.map(measured, names), strict=True))
-    return {"errors": ERRORS, "longer": LONGER, "beds": BEDS, "cheaper": CHEAPER, "scenes": found}
+    return {"errors": ERRORS, "longer": LONGER, "beds": BEDS, "cheaper": CHEAPER, "note": "", "scenes": found}

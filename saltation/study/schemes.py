@@ -49,7 +49,7 @@ TAIL_SHARE = 0.1  # of the wanted error, for what a fitted sum loses
 COARSEST, FINER = 1.0 / 32.0, 4.0  # the first step over a mean jump; over the next one
 RUNGS = 4  # steps of a ladder, at most
 FIRST, CHAIN, START = 12, 60, 10  # jumps of the first look, of other runs; those left out at their start, at most
-LOOKS, MOST = 2, 96  # runs of a candidate with other beds: at first, at most
+LOOKS, SURE, MOST = 2, 8, 96  # runs of a candidate with other beds: at first, of collocation, which is quick; at most
 KEPT = 2  # candidates that go on to the next step, of those that drop nothing of the past and of the others
 HOPELESS = 8.0  # predicted time over the best so far: not worth a closer look
 CLOSE = 1.6  # those within it of the best are timed against each other
@@ -348,9 +348,9 @@ class Trial:
         seconds = max(1e-9, min(taken for _, _, taken in flights) - once) / jumps
         return Sample(size, found.mean, found.error, seconds * (self.jumps / jumps if entry.grows else 1.0), runs=runs)
 
-    def decided(self, entry: Entry, size: float, error: float, most: int = MOST) -> Sample:
+    def decided(self, entry: Entry, size: float, error: float, most: int = MOST, least: int = LOOKS) -> Sample:
         """With as many beds as it takes to tell whether an error is kept."""
-        runs = LOOKS
+        runs = least
         while True:
             found = self.sample(entry, size, runs)
             surely = max((abs(c) - cases.BOUND * e for c, e in zip(found.change, found.error, strict=True)), default=0.0) > error
@@ -380,12 +380,12 @@ def collocations(trial: Trial, entries: Sequence[Entry], error: float, finest: b
     """Collocation at every tolerance down to the first that keeps the error and the next one, or at all of them; a shorter memory where the whole one keeps."""
     whole = entries[0]
     for rtol in (rtol for rtol in RTOLS if rtol >= 10.0 * trial.rtol * (1.0 - 1e-9) and trial.accepts(whole.candidate, rtol)):
-        whole.samples.append(trial.decided(whole, rtol, error))
+        whole.samples.append(trial.decided(whole, rtol, error, least=SURE))
         if not finest and len(whole.samples) > 1 and whole.samples[-2].bound <= error:
             break
     kept = next((sample for sample in whole.samples if sample.bound <= error), whole.last)
     for entry in entries[1:]:
-        entry.samples.append(trial.decided(entry, kept.size, error))
+        entry.samples.append(trial.decided(entry, kept.size, error, least=SURE))
 
 
 class Ladder:
@@ -411,13 +411,15 @@ class Ladder:
 
     def climb(self, sizes: Sequence[float], rival: float) -> None:
         """One step after the other; `rival`: the time of a jump (s) by other means, below which there is nothing to find."""
-        going = list(self.entries)
+        going: list[Entry] = []
         for rung, size in enumerate(sizes):
             jumps = FIRST if rung == 0 and len(sizes) > 1 else None
+            going += [entry for entry in self.entries if not entry.samples and size <= self.starts[entry.candidate]]
+            if not going:
+                continue
             self.trial.say(f"fixed steps of {size:.3g} d/u*: {len(going)} candidates")
             for entry in going:
-                if size <= self.starts[entry.candidate]:
-                    entry.samples.append(self.trial.sample(entry, size, LOOKS if jumps is None else 1, jumps))
+                entry.samples.append(self.trial.sample(entry, size, LOOKS if jumps is None else 1, jumps))
             timed = [(entry, entry.last) for entry in going if entry.alive]
             if jumps is None:
                 self.trial.timed(timed)
@@ -444,7 +446,7 @@ class Ladder:
         What neither keeps the error nor is quicker than what does is beaten at every step: of those only the best goes on, to tell by how much.
         """
         kept = [entry for entry in ranked if entry.time_at(size) * self.trial.count * LOOKS < PATIENCE]
-        open_ = [entry for entry in kept if entry.last.seconds <= 2.0 * rival]
+        open_ = [entry for entry in kept if entry.last.seconds <= 2.0 * rival or entry.last.bound <= self.error]
         found = [entry for whole in (True, False) for entry in [e for e in open_ if e.candidate.whole is whole][:KEPT]]
         for entry in open_ if each else ():
             if not any(alike(entry, other) for other in found):
@@ -664,4 +666,7 @@ def verdict(table: pd.DataFrame) -> str:
     rival = rivals.iloc[0]
     what = f"collocation at rtol = {rival['rtol']:g}" if rival["solver"] == COLLOCATION else f"{rival['scheme']} ({rival['solver']}, dt = {rival['dt']:g} d/u*)"
     wins = "collocation wins: " if best["solver"] == COLLOCATION else ""
-    return f"{wins}{text}; the best of the others, {what}, takes {rival['seconds'] / best['seconds']:.3g} times as long"
+    ratio = rival["seconds"] / best["seconds"]
+    if ratio < 1.0:
+        return f"{text}; {what} would be {1.0 / ratio:.3g} times as quick"
+    return f"{wins}{text}; the best of the others, {what}, takes {ratio:.3g} times as long"

@@ -89,6 +89,61 @@ class TestRanking:
         assert self.order(budget=2.5e-3) == [0.001, 0.02, 0.009, 0.015, math.inf]
 
 
+class Synthetic:
+    """A scene that gives every candidate errors A·dt^½ + B and jumps of a + b/dt seconds: in place of `Trial`."""
+
+    count = 60
+
+    def __init__(self, known):
+        self.known, self.flights = known, 0
+
+    def say(self, text):
+        """Nobody listens."""
+
+    def accepts(self, candidate, size):
+        return True
+
+    def sample(self, entry, size, runs, jumps=None):
+        self.flights += 1
+        step, floor, once, each = self.known[entry.candidate]
+        change = np.array([step * size**0.5 + floor, 0.0, 0.0])
+        return Sample(size, change, 0.01 * np.abs(change), once + each / size, runs=runs)
+
+    def decided(self, entry, size, error, most):
+        return self.sample(entry, size, 2)
+
+    def timed(self, pairs):
+        for _, sample in pairs:
+            sample.timed = True
+
+
+def named(scheme, **words):
+    return Candidate("fixed_step", (("scheme", scheme), *words.items()))
+
+
+@pytest.mark.parametrize(("error", "best"), [(0.05, "daitche"), (0.006, "exponential")])
+def test_the_ladder_finds_the_cheapest_of_known_errors_and_times(error, best):
+    """What is quick on coarse steps loses on fine ones; a window without a tail has a floor above both errors; what is dearer and less exact goes at once."""
+    known = {
+        named("daitche"): (0.5, 0.0, 1e-6, 4e-6),
+        named("exponential"): (0.4, 0.0, 4e-4, 2e-6),
+        named("windowed", rule="brush", window=1.0, tail=False): (0.5, -0.06, 1e-7, 1e-7),
+        **{named("brush", order=k): (0.6, 0.0, 1e-3 * k, 9e-6) for k in range(1, 20)},
+    }
+    exact = {c: once + each / (error / (1.0 + 0.0196) / step) ** 2 for c, (step, floor, once, each) in known.items() if not floor}
+    assert min(exact, key=exact.get) == named(best)
+    trial = Synthetic(known)
+    entries = [Entry(candidate) for candidate in known]
+    ladder = study.Ladder(trial, entries, dict.fromkeys(known, 0.04), error, None, math.inf)
+    ladder.climb([0.04, 0.01, 0.0025, 0.000625], math.inf)
+    ladder.confirm(math.inf)
+    winner = ladder.ranked([entry for entry in entries if len(entry.samples) > 1])[0]
+    assert winner.candidate == named(best) and ladder.order("fixed_step") == pytest.approx(0.5, rel=1e-6)
+    kept = min(sample.seconds for sample in winner.samples if sample.bound <= error)
+    assert exact[winner.candidate] <= kept * (1.0 + 1e-9) and kept <= 1.25 * exact[winner.candidate]  # two digits of dt, fourth roots of two
+    assert trial.flights < 2.0 * len(known)
+
+
 class TestCandidates:
     """All that the scene accepts, and nothing else."""
 
