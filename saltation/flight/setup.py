@@ -38,6 +38,7 @@ ATOL = 1.0  # of velocities and spins, in V and V/d
 PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are rest
 SINGULAR_FACTOR = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
 QUICK = 10.0  # V: a large slip after a takeoff
+LAYER = 0.01  # d: the height over which the shear at the wall changes
 FELT = 50.0  # a kernel's powers of time over the part of them that a singular step misses
 NEVER = -math.inf  # count of refused steps: the stepper never takes the equation for one with unknown kinks
 NOTHING_LOGGED = np.zeros(1)
@@ -109,6 +110,8 @@ def shortest(scene: Any) -> float:
         c1, c2 = KERNELS[scene.options("history").kernel]
         power, stretch = 1.5 / c1, (0.25 * math.pi) ** (1.0 / 3.0) * n.reynolds * (QUICK / (0.75 + c2 * QUICK * n.reynolds)) ** 2
         step = min(step, (FELT * error / (n.history * stretch**power)) ** (1.0 / (0.5 + power)))
+    if scene.bed is None and "drag" in scene.names and not isinstance(scene.profile, Still):  # nothing stops a fall before it reaches the wall
+        step = min(step, LAYER * 18.0 * n.shields / n.reynolds)
     close = "encounters" in scene.names or (scene.bed is not None and faces_downstream(roughness_of(scene)))
     return min(FLOOR_OF_CLOSE_CONTACTS if close else FLOOR, 0.1 * step)
 

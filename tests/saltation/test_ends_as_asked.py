@@ -107,6 +107,18 @@ class TestWithoutABed:
         assert w == pytest.approx(again, rel=1e-6)
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+@pytest.mark.parametrize(("diameter", "density"), [(0.03162, 9274.0), (0.01, 5000.0)])
+def test_a_fall_reaches_the_wall_at_any_speed(diameter, density, rtol):
+    """Through a shear layer of a hundredth of its diameter within 1e-6 d/V, and on at its settling velocity in the still water below."""
+    channel = {"profile": "swamee", "transport_stage": 1.0, "slope": 0.02}
+    made = falling(diameter, 2e4, density=density, effects=[*FALL, "lift"], channel=channel, drag={"law": "stokes"}, solver={"rtol": rtol})
+    result = flown(made)
+    assert result.status == "finished"
+    speed = math.cos(made.numbers.slope) * checks.settling_velocity(made) / made.numbers.velocity
+    assert speed > 500.0 and float(result.trajectory["w"][-1]) == pytest.approx(-speed, rel=1e-6)
+
+
 @pytest.mark.parametrize("method", ["fixed_step", "runge_kutta_4"])
 @pytest.mark.parametrize("steps", [10.5, 3.25, 100.9, 7.0])
 def test_fixed_steps_end_where_they_are_told_to(method, steps):
