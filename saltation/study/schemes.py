@@ -160,7 +160,7 @@ class Entry:
 
     def bound(self, sample: Sample, order: float) -> float:
         """Largest change that is not ruled out, even if those by the step and by what is dropped did not cancel; infinite where they cannot be told apart."""
-        if self.candidate.whole or sample.status != "finished":
+        if self.candidate.whole or not self.candidate.fixed or sample.status != "finished":
             return sample.bound
         return max(sample.bound, self.predicted(sample.size, order).bound) if len(self.samples) > 1 else math.inf
 

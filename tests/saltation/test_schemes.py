@@ -54,6 +54,10 @@ class TestExtrapolation:
         entry = seen(CUT, 0.04, slope=(0.0, 0.0, 0.0), floor=(0.0, 0.0, 0.0), order=0.5)
         assert entry.bound(entry.last, 0.5) == math.inf
 
+    def test_a_memory_of_some_jumps_has_no_step_to_cancel_with(self):
+        entry = seen(Candidate("collocation", (("scheme", "exponential"), ("window_jumps", 2))), 1e-2, slope=(0.0, 0.0, 0.0), floor=(0.03, 0.0, 0.0), order=1.0)
+        assert entry.bound(entry.last, math.nan) == pytest.approx(0.03, rel=1e-12)
+
     def test_what_drops_a_part_says_nothing_about_the_order(self):
         assert study.measured_order([seen(CUT, 0.04, 0.01, slope=(1.0, 0.0, 0.0), floor=(0.1, 0.0, 0.0), order=1.0)], unknown=0.5) == 0.5
 
