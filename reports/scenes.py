@@ -234,17 +234,19 @@ def kept_jumps(records: Sequence[Record]) -> list[Record]:
 
 def thesis_table(records: Sequence[Record]) -> str:
     """The semi-derivative with RK4 and a memory of some jumps, beside collocation with the same."""
-    rows = []
+    own = [r for r in flown(records) if r["history"].keys() == {"scheme", "window_jumps"} and r["method"] == HELD]
+    sizes, rows = sorted({r["size"] for r in own}, reverse=True), []
     for r in kept_jumps(records):
-        own = [x for x in records if x["history"] == {"scheme": "semi_derivative"} | r["history"] and x["method"] == HELD and x["height"] is not None]
-        if own:
-            found = {x["size"]: x for x in own}
-            rows.append([r["history"]["window_jumps"], error_cell(r, "height"), *(error_cell(found[size], "height") for size in sorted(found, reverse=True))])
-    steps = sorted({x["size"] for x in records if x["scheme"].startswith("semi-derivative, memory") and x["height"] is not None}, reverse=True)
+        found = {x["size"]: x for x in own if x["history"]["window_jumps"] == r["history"]["window_jumps"]}
+        if len(found) > 1:
+            coarse, fine = (found[size] for size in sorted(found, reverse=True)[-2:])
+            root = math.sqrt(coarse["size"] / fine["size"])
+            limit = (root * fine["height"]["bias"] - coarse["height"]["bias"]) / (root - 1.0)
+            cells = [error_cell(found[size], "height") if size in found else "" for size in sizes]
+            rows.append([str(r["history"]["window_jumps"]), *cells, signed(limit), error_cell(r, "height")])
     if not rows:
         return "not measured yet"
-    width = max(len(row) for row in rows)
-    return table(["jumps remembered", "collocation", *(f"dt {step_of(size)}" for size in steps)], [row + [""] * (width - len(row)) for row in rows])
+    return table(["jumps remembered", *(f"dt {step_of(size)}" for size in sizes), "dt → 0, as √dt", "collocation"], rows)
 
 
 def combination_table(rows: Sequence[Record]) -> str:
@@ -274,7 +276,7 @@ def kernel_section(data: Record, kernel: str) -> str:
     steps = "no fixed steps that were flown keep it"
     if best is not None:
         steps = f"the quickest fixed steps ({sized(best)}) take {seconds(best['seconds'])} for {percent(BOUNDS[1])}"
-    text = f"Mean height {found['mean']['height']:.3f} d. {kept}; {steps}."
+    text = f"Mean height {found['mean']['height']:.3f} d ({found['flown']} seed{'s' if found['flown'] > 1 else ''}). {kept}; {steps}."
     parts = [f"### {KERNELS[kernel]}", text, save(draw_accuracy(data, kernel), f"scenes_{kernel}"), cheapest_table(records, "height"), every_table(records)]
     return "\n\n".join(parts)
 

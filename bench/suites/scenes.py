@@ -283,6 +283,7 @@ def measured(rebound: str, names: Sequence[str], ladder: Sequence[float], seeds:
     scatter = [[statistics.standard_error(table[:, k]) for table in references.values()] for k in range(len(QUANTITIES))]
     return {
         "rebound": rebound,
+        "flown": len(seeds),
         "mean": dict(zip(QUANTITIES, means, strict=True)),
         "unpaired_se": {name: float(np.mean(errors) / means[k]) for k, (name, errors) in enumerate(zip(QUANTITIES, scatter, strict=True))},
         "reference_apart": max(apart[name]["max"] for name in QUANTITIES),

@@ -41,6 +41,24 @@ def test_every_contender_is_a_valid_scene_at_every_step(rebound):
         assert scene_of(flight.scene(rebound, 1)).solver.method == "collocation"
 
 
+def test_contenders_with_other_kernels_are_valid_scenes_with_their_own_references():
+    for kernel in scenes.KERNELS:
+        assert scene_of(suite.exact(kernel=kernel).scene("impulse", 1)).options("history").kernel == kernel
+        for contender in suite.CONTENDERS:
+            if contender.scheme in suite.FOLLOWING:
+                for flight in suite.planned(contender, suite.HELD, "impulse", suite.LADDER, 3.0, kernel):
+                    assert scene_of(flight.scene("impulse", 1)).options("history").kernel == kernel
+    assert set(suite.FOLLOWING) <= set(ALL)
+
+
+def test_the_pair_of_the_thesis_is_extrapolated_as_the_root_of_the_step():
+    history = {"scheme": "semi_derivative", "window_jumps": 2}
+    rows = [record("P", "runge_kutta_4", size=dt, bias=-0.02 + dt**0.5, se=1e-5, history=history) for dt in (4e-3, 1e-3)]
+    text = scenes.thesis_table([*rows, record("C", "collocation", bias=-0.02, se=1e-5, history={"window_jumps": 2})])
+    assert text.splitlines()[-1] == "| 2 | +4.3 | +1.2 | -2 | -2 |"
+    assert scenes.counted_combinations([{"form": "a", "x": "", "y": "no"}, {"form": "b", "x": "", "y": ""}]) == (4, 3)
+
+
 def test_what_a_toml_says_is_the_scene():
     contender = next(c for c in suite.CONTENDERS if c.family == suite.FITTED)
     text = scenes.toml(record(size=1e-3, history=dict(contender.history)))
@@ -129,7 +147,7 @@ def test_the_page_is_made_from_data_alone(tmp_path):
     with page.into(tmp_path):
         text = scenes.scenes(data)
     assert all(row["scheme"] in text for row in data["scenes"]["impulse"]["records"])
-    assert {path.stem for path in (tmp_path / "figures").iterdir()} == {"scenes_accuracy", "scenes_reset", "scenes_windows"}
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == {f"scenes_{name}" for name in ("accuracy", "reset", "windows", *scenes.KERNELS)}
     assert text.startswith("# Accuracy against time")
 
 
