@@ -16,7 +16,7 @@ from basset.kernels import Floats, VaryingSlipKernel
 from basset.quadrature.rule import slip_recipes
 from basset.solvers import _fixed, stepper
 from basset.solvers._fixed import DONE, GROWN, KNOWN, MATRIX, SEEN
-from basset.solvers.stability import degree_of
+from basset.solvers.stability import degree_of, symbols
 from basset.streaming.following import FollowingPlan
 from basset.streaming.forgetting import JumpWindow
 from saltation._random import uniforms
@@ -28,6 +28,7 @@ from saltation.flow import velocity_and_shear
 
 IMPACT = 32  # why the loop returns, beside its own codes and those of a flight
 ROWS = 4096
+ALTERNATES = 5.0  # W(−1) of a rule whose own weights alternate, as Simpson's: what alternates with them is no sign of divergence
 
 
 class Layered(NamedTuple):
@@ -131,7 +132,7 @@ class FixedGrain(Grain):
         problem, nothing, room = engine.problem, np.zeros((0, 0)), _fixed.room(1, n, m)
         equation = _fixed.Equation(fun, self.spin, problem.where, problem.strength, np.zeros(n, dtype=np.bool_), -math.inf, math.inf)
         kind = _fixed.HELD if scene.solver.method == "runge_kutta_4" else _fixed.RATES
-        grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, 1)
+        grid = _fixed.Grid(0.0, math.inf, dt, -1, kind, _fixed.weights_of(degree), nothing, nothing, int(symbols(rule)[1] < ALTERNATES))
         stream = _fixed.stream_of(self.plan, self.samples)
         self._parts = placed(_fixed.Parts(equation, grid, stream, self._steps, room, room, self.record, check, 1, np.zeros((1, 1))))
         given = engine.limits, self.bed, self.memory, self.state, self.spin, self.flight, self.values

@@ -149,3 +149,10 @@ def test_a_window_of_one_jump_at_fixed_steps(rebound, order):
 def test_forms_are_what_their_names_say():
     assert all(("window_jumps" in history) == ("jumps" in form) and ("tail" in form) == (history.get("tail", form.count("own")) not in (False, 0))
                for form, history in forms().items())  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS[1:])
+@pytest.mark.parametrize("history", [{}, {"window_jumps": 2}, {"kernel": "dorgan_loth"}])
+def test_simpson_s_alternating_weights_are_no_divergence(method, history):
+    made = scene("sand", history={"scheme": "brush", "rebound": "none"} | history, solver={"method": method, "dt": 3e-3}, run={"jumps": 6, "discard": 0})
+    assert flown(made).status == "finished"
