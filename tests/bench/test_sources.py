@@ -61,7 +61,10 @@ def test_data_without_a_record_of_its_code_is_older_than_it():
     assert sources.changed({**content, "sources": now}) == ""
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "reports" / "data").glob("*.json")), ids=lambda path: path.stem)
-def test_no_page_shows_what_older_compiled_code_measured(path):
-    """After an edit of compiled code: `make report-full` renews what it touches."""
-    assert sources.changed(json.loads(path.read_text(encoding="utf-8"))) != "compiled code"
+DATA = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "reports" / "data").glob("*.json"))}
+
+
+@pytest.mark.parametrize("name", [name for name, content in DATA.items() if "sources" in content])
+def test_no_page_shows_what_older_compiled_code_measured(name):
+    """After an edit of compiled code `make report-full` renews what it touches. Data from before the code was recorded is only listed by `--check`."""
+    assert sources.changed(DATA[name]) != "compiled code"
