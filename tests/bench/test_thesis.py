@@ -47,3 +47,10 @@ def test_every_row_says_where_by_what_and_why():
     for row in ROWS:
         cells = row.strip("| ").split(" | ")
         assert len(cells) == 4 and re.match(r"(same|differs|missing|data)", cells[3]), row
+
+
+def test_the_opening_counts_the_rows():
+    found = {word: sum(row.strip("| ").split(" | ")[3].startswith(word) for row in ROWS) for word in ("same", "differs", "missing", "data")}
+    missing = f"{found['missing']} are" if found["missing"] else "none is"
+    counts = f"{found['same']} are here as printed, {found['differs']} differ for the reason given, {missing} missing and {found['data']} lack"
+    assert f"Of {len(ROWS)} items of the thesis {counts} only measurements" in TEXT
