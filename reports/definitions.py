@@ -77,7 +77,7 @@ def turned(axes: Any, centre: Any, spin: float, text: str, colour: str) -> None:
     tip = np.asarray(centre) + 0.25 * np.array([math.cos(end), math.sin(end)])
     along = np.array([math.sin(end), -math.cos(end)]) * (1.0 if spin > 0.0 else -1.0)
     axes.annotate("", tuple(tip + 0.05 * along), xytext=tuple(tip - 0.05 * along), arrowprops={"arrowstyle": "-|>", "color": colour})
-    axes.annotate(text, tuple(np.asarray(centre) - [0.0, 0.12]), ha="center", va="top", color=colour, fontsize=9)
+    axes.annotate(text, tuple(np.asarray(centre) - [0.0, 0.28]), ha="center", va="top", color=colour, fontsize=9)
 
 
 def angle(axes: Any, corner: Any, low: float, high: float, size: float, text: str, colour: str = BLACK) -> None:
@@ -227,8 +227,8 @@ def pair() -> Any:
     closing = (np.array(second) - first)[[0, 2]]
     vector(axes, (0.0, 0.0), 0.7 * flat, "n", GREEN, (3, 0), "normal")
     vector(axes, (0.0, 0.0), scale * (slip - slip @ normal * np.array(normal))[[0, 2]], "t", GREEN, (4, -8), "slip")
-    vector(axes, (0.0, 0.0), scale * np.array(found[4])[[0, 2]], "J on i", RED, (-24, -12), "impulse")
-    vector(axes, (1.3, -0.4), scale * closing, "c = u$_j$ − u$_i$", GREY, (6, 0), "closing")
+    vector(axes, (0.0, 0.0), scale * np.array(found[4])[[0, 2]], "J on i", RED, (-44, -4), "impulse")
+    vector(axes, (1.3, -0.4), scale * closing, "c = u$_j$ − u$_i$", GREY, (0, -14), "closing")
     figure.suptitle(f"Two grains meet, e = {E:g}, f = {F:g} (thesis fig. 4-2)")
     return figure
 
