@@ -20,6 +20,7 @@ from basset.spectrum import Following, log_stretch_of, weight_ratio
 CLEAR = 64.0  # roundings: an event function farther from zero than that has a sign
 HALVINGS = 6  # of a step, at most, until an interpolant follows an event function
 FOLLOWED = 1e-10  # to this share of its size
+SUNK, STILL, NEAR = 4.0, 3, 1e4  # roundings by which a flight must be lower than the one before; so many that are not are rest; below so many roundings
 REST = 1e-10  # a flight shorter than this share of the time span counts as rest
 PASSED, TERMINAL, RESTING = 0, 1, 2  # what becomes of the run at an event
 FUN_FAILED, EVENT_FAILED, JUMP_FAILED = 1, 2, 3  # what was not finite
@@ -30,7 +31,8 @@ class Events(NamedTuple):
 
     `terminal`: the occurrence that ends the run, 0 for none. `number`, `last`: occurrences, and when the last one was. `side`: sign of the
     function before the last crossing. `fresh`: has just happened, the function is zero there but for `noise`, what rounding of time and
-    states is worth in it. `bounced`: its jump did not let the state through; `reach`: how far the function has been on its side since.
+    states is worth in it. `bounced`: its jump did not let the state through; `reach`: how far the function has been on its side since,
+    `before` the last jump; `level`: flights in a row that rounding alone decides, as high as the one before.
     `hit` (event, state): what its jump reversed or stopped, as it came, 0 in all other components. `resting`: the body is held, and
     the event is what draws it off. `again`: where on the step it may happen again. `fired` (event,): those that cut the step, in order,
     `count` of them. `found_at`, `found`: crossings on the step. `log_…`: occurrences, `logged` of them.
@@ -45,6 +47,8 @@ class Events(NamedTuple):
     side: Floats
     noise: Floats
     reach: Floats
+    before: Floats
+    level: Any
     fresh: Any
     bounced: Any
     resting: Any
@@ -626,7 +630,10 @@ def fire(m: Motion, events: Events, t: float, y: Floats, after: Floats, still: F
                 for a in range(len(y)):
                     stopped = after[a] != still[a] and after[a] * still[a] <= 0.0
                     events.hit[k, a] = still[a] if stopped else 0.0
-            events.candidate[k] = events.bounced[k] and (since < moment or events.reach[k] <= CLEAR * events.noise[k])
+            lower = events.before[k] - events.reach[k] > SUNK * events.noise[k] or events.reach[k] > NEAR * events.noise[k]
+            events.before[k], events.level[k] = events.reach[k], 0 if lower else events.level[k] + 1
+            resolved = events.reach[k] > CLEAR * events.noise[k] and events.level[k] < STILL
+            events.candidate[k] = events.bounced[k] and (since < moment or not resolved)
             some = some or events.candidate[k]
         if 0 < events.terminal[k] <= events.number[k]:
             status = TERMINAL
@@ -678,7 +685,7 @@ def events_of(specified: Any, states: int, degree: int) -> Events:
     return Events(
         np.array([event.terminal for event in specified], dtype=np.int64), np.array([event.direction for event in specified], dtype=np.float64),
         np.array([event.jump is not None for event in specified], dtype=np.bool_), whole(m), np.full(m, -math.inf), floats(m), floats(m), floats(m),
-        flags(m), flags(m), flags(m), flags(m), floats((m, states)), floats(m), whole(m), whole(1), floats(m * most), whole(m * most),
+        floats(m), whole(m), flags(m), flags(m), flags(m), flags(m), floats((m, states)), floats(m), whole(m), whole(1), floats(m * most), whole(m * most),
         floats(2 * m * most), floats((2 * m * most, states)), whole(2 * m * most), whole(1), whole(2), floats(1), 0.5 * (points + 1.0), transform,
         floats(2 * degree + 2), floats(degree + 1), floats(degree + 2), floats(most), floats(most), floats((256, 3)), floats((1, 1)),
     )  # fmt: skip
@@ -746,6 +753,7 @@ def forget(events: Events) -> None:
     """Nothing has happened; the log stays."""
     for k in range(len(events.side)):
         events.number[k], events.last[k], events.side[k], events.noise[k], events.reach[k], events.again[k] = 0, -math.inf, 0.0, 0.0, 0.0, 0.0
+        events.before[k], events.level[k] = 0.0, 0
         events.fresh[k] = events.bounced[k] = events.resting[k] = events.candidate[k] = False
         for a in range(events.hit.shape[1]):
             events.hit[k, a] = 0.0

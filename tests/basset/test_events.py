@@ -167,7 +167,7 @@ class TestSurfacesAwayFromZero:
     @every_method
     def test_no_ball_falls_through(self, method, floor, e, lift):
         result = ball(floor, e, 4.0, method, 0.3, lift=lift, c=0.3)
-        assert result.success
+        assert result.success and result.nsteps < 20_000  # no endless flights from one rounding to another
         assert (result.y[1] - floor).min() >= -0.05 * 2.5  # a step of the fall
 
     @pytest.mark.parametrize("start", [0.0, 3e3, -1e5, 1e7])
