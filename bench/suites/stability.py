@@ -38,8 +38,8 @@ def weights(degree: int, steps: int) -> Floats:
 def grows(degree: int, form: str, drag: float, history: float, steps: int = 1500) -> bool:
     """Whether alternating samples of y' = −λy − c·H[y] grow in the end, λ dt = drag and c√dt = history."""
     w, a = weights(degree, steps), adams_moulton(degree)
-    factor = sum((-drag) ** k / math.factorial(k) for k in range(5))
-    share = (1.0 - factor) / drag if drag else 1.0
+    share = sum((-drag) ** k / math.factorial(k + 1) for k in range(4))
+    factor = 1.0 - drag * share  # of Runge and Kutta
     y, rates, path = 1.0, np.zeros(steps), np.zeros(steps)
     for n in range(steps):
         tail = float(w[1 : n + 1] @ rates[n - 1 :: -1][:n]) if n else 1.0  # a push, that memory alone has something to carry on
