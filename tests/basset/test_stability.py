@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -58,6 +60,16 @@ def test_no_run_beyond_the_limit_is_a_success(degree, form, share, distance):
     check(found)
     if form != "held":
         assert longest_step(basset.Daitche(degree), found["drag"] / distance, found["history"] / distance) == pytest.approx(1.0)
+
+
+def test_the_scan_on_the_page():
+    """Every degree, form and direction; beside it the recurrence, which grows beyond the limit and not within it."""
+    page = Path(__file__).resolve().parents[2] / "reports" / "data" / "stability.json"
+    rows = json.loads(page.read_text(encoding="utf-8"))["rows"]
+    assert {(found["degree"], found["form"]) for found in rows} == {(degree, form) for degree in range(2, 11) for form in FORMS}
+    for found in rows:
+        check(found)
+        assert found["grows"] == (found["distance"] > 1.0), found
 
 
 def test_rules_without_a_limit():
