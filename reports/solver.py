@@ -11,10 +11,11 @@ import numpy as np
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
 from basset._look import legend as _legend
 from basset._look import slope as _slope
+from basset.solvers.stability import HELD_RATE, held_factor
 from reports.site.page import Page, fill, footer, save, table
-from reports.words import Record, factor, grouped, seconds, select, short
+from reports.words import Record, factor, grouped, of, seconds, select, short
 
-SUITES = ("coupled",)
+SUITES = ("coupled", "stability")
 OURS = "Collocation"
 DIGITS = (1e-3, 1e-6, 1e-9)
 TAILED = ("Windowed, fitted tail", "Exponential(3)", "Hinsberg, published tail")
@@ -247,6 +248,38 @@ def marge3d(data: Record) -> str:
     )
 
 
+def scan_table(found: Record) -> str:
+    """How many runs of the scan are a success, by form and distance."""
+    forms = {"rate": "implicit, on rates", "slip": "implicit, on slips", "held": "history held"}
+    distances = list(dict.fromkeys(r["distance"] for r in found["rows"]))
+    lines = []
+    for form, name in forms.items():
+        for key, drag in (("status", "constant"), ("status_rising", "rising")):
+            rows = [of(found["rows"], form=form, distance=distance) for distance in distances]
+            lines.append([name, drag, *(f"{sum(r[key] == 0 for r in each)} of {len(each)}" for each in rows)])
+    return table(["form", "drag", *(f"{distance:g} × limit" for distance in distances)], lines)
+
+
+def scan(found: Record) -> dict[str, Any]:
+    """The numbers of the scan."""
+    within, beyond = ([r for r in found["rows"] if (r["distance"] > 1.0) == side] for side in (False, True))
+    kinds = ("", "_rising")
+    return {
+        "scan": found,
+        "bounds": table(["degree", *found["limits"]], [[name, *(f"{each[k]:.4g}" for each in found["limits"].values())] for k, name in enumerate("AB")]),
+        "scanned": scan_table(found),
+        "wrong": sum(r[f"status{kind}"] == 0 for r in beyond for kind in kinds) or "none",
+        "beyond": len(kinds) * len(beyond),
+        "outside": len(beyond),
+        "inside": len(within),
+        "grow": sum(r["grows"] for r in beyond),
+        "grow_within": sum(r["grows"] for r in within) or "none",
+        "largest": f"{max(r[f'largest{kind}'] for r in found['rows'] for kind in kinds if r[f'status{kind}'] == 0):.4g}",
+        "dips": sum(r["status"] == 0 and r["status_rising"] != 0 for r in within),
+        "figure_stability": save(draw_stability(found), "solver_stability"),
+    }
+
+
 def opening(data: dict[str, Record]) -> dict[str, Any]:
     """The numbers of the three sentences to take away."""
     found = data["coupled"]
@@ -307,6 +340,7 @@ def solver(data: dict[str, Record]) -> str:
         slips=slip_table(found),
         plain=plain_table(found),
         marge3d=marge3d(found),
+        **scan(data["stability"]),
         footer=footer({name: data[name] for name in SUITES}),
     )
 
@@ -470,6 +504,38 @@ def draw_marge3d(found: Record) -> Any:
     axes.set(xlabel="time, set-up included, one core (s)", ylabel="largest error of the position over the path (–)")
     axes.set_title("marge3d's own vortex problem (numbers at its points: steps)")
     _legend(figure, axes, 3)
+    return figure
+
+
+def draw_stability(found: Record) -> Any:
+    """Computed limits, and runs on both sides of them."""
+    figure, panels = plt.subplots(1, 2, figsize=(12.0, 5.6), sharex=True, sharey=True)
+    least, looks = (3e-3, 1e-3), (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK, PURPLE)
+    shown = (0.9, 1.1)
+    for axes, forms, title in zip(panels, (("rate", "slip"), ("held",)), ("implicit, on rates and on slips", "history held over the step"), strict=True):
+        for (degree, (drag, memory)), colour in zip(found["limits"].items(), looks, strict=False):
+            if forms == ("held",):
+                x = np.append(np.geomspace(least[0], HELD_RATE, 400), HELD_RATE)
+                y = np.append(0.5 * memory * (1.0 + held_factor(x[:-1])), least[1])
+            else:
+                x = drag * (1.0 - np.geomspace(least[1] / memory, 1.0 - least[0] / drag, 400))
+                y = memory * (1.0 - x / drag)
+            axes.loglog(x, y, color=colour, linewidth=1.0)
+            axes.annotate(degree, (2.0 * least[0], memory), xytext=(0, 1), textcoords="offset points", color=colour, fontsize=9, va="bottom")
+            for r in found["rows"]:
+                if r["degree"] == int(degree) and r["form"] == forms[0] and r["distance"] in shown:
+                    same = [s for form in forms for s in of(found["rows"], degree=r["degree"], form=form, share=r["share"], distance=r["distance"])]
+                    succeeded = {s["status"] == 0 for s in same}
+                    marker = "D" if len(succeeded) > 1 else "o" if True in succeeded else "x"
+                    at = max(r["drag"], least[0]), max(r["history"], least[1])
+                    axes.plot(*at, marker, color=colour, markerfacecolor="none", clip_on=False, zorder=3)
+        axes.set(title=title, xlabel="λ·dt (at the left edge: none)", xlim=(least[0], 12.0), ylim=(least[1], 40.0))
+    panels[0].set_ylabel("c·√dt (at the lower edge: none)")
+    panels[0].plot([], [], "o", color=GREY, markerfacecolor="none", label="0.9 × limit: a success")
+    panels[0].plot([], [], "x", color=GREY, label="1.1 × limit: status −1")
+    panels[0].plot([], [], color=GREY, label="computed limit, degrees 2 to 10")
+    figure.suptitle("No run beyond the computed limit ends as a success, and those within it do")
+    _legend(figure, panels[0], 3)
     return figure
 
 
