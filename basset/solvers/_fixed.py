@@ -24,6 +24,7 @@ from basset.streaming._loops import peek, take
 from basset.streaming.following import FollowingPlan, SlipStream, accept, look_at
 
 HELD, RATES, SLIPS = range(3)  # the history held constant over the step; or implicit, with samples of rates or of slips
+UNRESOLVED = 1e-12  # of a state: Newton's method leaves 1e-14, and what it leaves may alternate
 UNSOLVED, DIVERGED = 30, 31  # why the loop returned, beside the codes of `stepper`
 
 # places in State.numbers: nodes so far, rows of the record that are filled, rates of the current segment (up to
@@ -536,7 +537,7 @@ def _make_steps(digest: str) -> Callable[..., Any]:
                     look_ahead(parts.stream, room.tail)
                 advance(parts, room, j)
                 row = int(numbers[DONE]) - 1
-                if grid.limited == 1 and diverges(state, record.rates[row]):
+                if grid.limited == 1 and diverges(state, record.rates[row]) and grid.dt * largest(state.swing[0]) > UNRESOLVED * max(1.0, largest(state.y)):
                     return DIVERGED
                 if parts.looking == 1:
                     call(parts.look, record.times[row], signal, 0, signal, 0, signal)

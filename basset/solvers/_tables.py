@@ -39,7 +39,9 @@ class Nodal:
     def __init__(self, nodes: Floats) -> None:
         self.nodes = nodes
         self.degree = len(nodes) - 1
-        self.coefficients = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, self.degree))  # (degree+1, nodes)
+        values = legendre.legvander(2.0 * nodes - 1.0, self.degree)
+        inverse = np.linalg.inv(values)
+        self.coefficients = inverse + inverse @ (np.eye(len(nodes)) - values @ inverse)  # (degree+1, nodes); what it errs by, all steps err by
         self._slopes = 2.0 * legendre.legder(self.coefficients) if self.degree else np.zeros((1, 1))
         self._integrals = 0.5 * legendre.legint(self.coefficients, lbnd=-1.0)
 

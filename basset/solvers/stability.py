@@ -89,9 +89,19 @@ def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool =
         return (2.0 / whole) ** 2 if whole > 0.0 else math.inf
     if rate == 0.0:
         return (memory / coefficient) ** 2 if coefficient > 0.0 else math.inf
-    steps = HELD_RATE / rate * np.linspace(0.0, 1.0, 4097)[1:]
-    beyond = np.flatnonzero(coefficient * np.sqrt(steps) / memory >= 0.5 * (1.0 + held_factor(rate * steps)))
-    return float(steps[max(0, beyond[0] - 1)] if len(beyond) else steps[-1])
+    steps = HELD_RATE / rate * np.linspace(0.0, 1.0, 4097)
+
+    def beyond(dt: Any) -> Any:
+        return coefficient * np.sqrt(dt) / memory >= 0.5 * (1.0 + held_factor(rate * dt))
+
+    wrong = np.flatnonzero(beyond(steps))
+    if not len(wrong):
+        return float(steps[-1])
+    low, high = float(steps[wrong[0] - 1]), float(steps[wrong[0]])  # no step of zero is beyond
+    for _ in range(200):  # down to the last bit, also from zero
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if beyond(middle) else (middle, high)
+    return low
 
 
 def stable(rule: Rule, dt: float, steps: int, jacobian: Floats, coefficient: Floats, held: bool) -> bool:

@@ -31,6 +31,13 @@ def test_the_limit_of_every_degree(p, form, ratio):
         assert grows(p, form, dt, math.sqrt(ratio * dt)) == expected
 
 
+@pytest.mark.parametrize("coefficient", [10.0, 1e3, 1e6])
+def test_the_limit_with_little_drag_is_that_of_memory_alone(coefficient):
+    """With the history held, too: c√dt = B."""
+    rule = basset.Daitche(10)
+    assert longest_step(rule, 1.0, coefficient, held=True) == pytest.approx((bounds(rule)[1] / coefficient) ** 2, rel=1e-4)
+
+
 def over_limit(degree, form, drag, history, rises=False):
     """How many times what is stable, at the worst of what the drag passes on its way."""
     most_drag, most = bounds(basset.Daitche(degree))
