@@ -24,6 +24,7 @@ DEPTHS = ((1e-10, 1e-8), (1e-12, 1e-11), (1e-18, 1e-17), (1e-32, 1e-31))
 
 
 FOLLOWING = 4.0  # factor on the error estimate of singular steps: with a kernel that follows the slip the solution has powers of √t outside the polynomial
+REFUSED = 12.0  # shortest steps: one that is refused by less may be followed by a tenth of it
 PATIENCE = 4  # searches for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
 SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
@@ -351,7 +352,7 @@ class Integration:
         """How far the state may be from a surface that it was to reach: the error of a step, or what rates of `sizes` move in the shortest one."""
         y = np.abs(self.state.y)
         before = np.abs(self.trace.pieces[-1].values(np.zeros(1))[0]) if self.trace.pieces else y
-        return np.asarray(10.0 * (self.problem.atol + self.problem.rtol * np.maximum(y, before)) + 4.0 * self.problem.floor * sizes)
+        return np.asarray(10.0 * (self.problem.atol + self.problem.rtol * np.maximum(y, before)) + REFUSED * self.problem.floor * sizes)
 
     def _surface(self, jump: Floats) -> _sliding.Surface:
         """The layer around a surface on which fun has that jump, for the tolerance here."""
