@@ -709,7 +709,7 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
 
 def print_schemes(out: Console, table: pd.DataFrame) -> None:
     """The best row of each candidate, what was chosen and why, the lines for the scene file."""
-    shown = Table("scheme", "solver", "dt (d/u*)", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
+    shown = Table("scheme", "solver", f"dt ({table.attrs['units']['dt']})", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
     for _, row in table.drop_duplicates(["scheme", "solver"]).head(SCHEMES_SHOWN).iterrows():
         size = [f"{row[name]:g}" if math.isfinite(row[name]) else "" for name in ("dt", "rtol")]
         note = "extrapolated" if row["runs"] == 0 else "" if row["status"] == "finished" else row["status"]
