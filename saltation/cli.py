@@ -556,6 +556,9 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
     """(labelled scenes, the labels that make a model)."""
     axes = [axis_of(text) for text in varied]
     fields = [".".join(names) for names, _ in axes]
+    for field in fields:
+        if fields.count(field) > 1:
+            raise Mistake(f"--vary {field} must be given once, with all its values: {field}=v1,v2,…")
     series = what[0] if len(what) == 1 and what[0] in SERIES else None
     if series is not None:
         if series == "grains" and axes:
