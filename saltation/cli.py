@@ -556,6 +556,9 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
     """(labelled scenes, the labels that make a model)."""
     axes = [axis_of(text) for text in varied]
     fields = [".".join(names) for names, _ in axes]
+    for field in fields:
+        if fields.count(field) > 1:
+            raise Mistake(f"--vary {field} must be given once, with all its values: {field}=v1,v2,…")
     series = what[0] if len(what) == 1 and what[0] in SERIES else None
     if series is not None:
         if series == "grains" and axes:
@@ -709,7 +712,7 @@ def print_changes(out: Console, table: pd.DataFrame) -> None:
 
 def print_schemes(out: Console, table: pd.DataFrame) -> None:
     """The best row of each candidate, what was chosen and why, the lines for the scene file."""
-    shown = Table("scheme", "solver", "dt (d/u*)", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
+    shown = Table("scheme", "solver", f"dt ({table.attrs['units']['dt']})", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
     for _, row in table.drop_duplicates(["scheme", "solver"]).head(SCHEMES_SHOWN).iterrows():
         size = [f"{row[name]:g}" if math.isfinite(row[name]) else "" for name in ("dt", "rtol")]
         note = "extrapolated" if row["runs"] == 0 else "" if row["status"] == "finished" else row["status"]

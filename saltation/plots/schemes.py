@@ -31,7 +31,7 @@ def schemes(table: pd.DataFrame, scene: str = "") -> Figure:
                 label = "_"
     best = table.iloc[0]
     axes.plot(best["seconds"], 100.0 * best["error"], "o", markersize=15, markerfacecolor="none", color=RED)
-    step = f"rtol {best['rtol']:g}" if best["solver"] == "collocation" else f"dt {best['dt']:g} d/u*"
+    step = f"rtol {best['rtol']:g}" if best["solver"] == "collocation" else f"dt {best['dt']:g} {table.attrs['units']['dt']}"
     text = f"{best['solver'].replace('_', ' ')}, {best['scheme']}, {step}"
     axes.annotate(text, (best["seconds"], 100.0 * best["error"]), xytext=(12, 8), textcoords="offset points", color=RED, fontsize=8)
     axes.axhline(100.0 * wanted, color=GREY, linestyle=":")

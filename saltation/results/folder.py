@@ -108,13 +108,15 @@ class Folder:
         except Exception:  # foreign bytes raise anything
             alike = False
         if not alike:
-            told_so_far = f"saltation.open({str(self.path)!r}) gives what there is"
-            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged, or of another version: take a copy, or go on anew with --force; {told_so_far}")
+            there = f"; saltation.open({str(self.path)!r}) gives what there is" if self.read_status() is not None else ""
+            raise SceneError(f"--output: {str(self.checkpoint)!r} is damaged, or of another version: take a copy, or go on anew with --force{there}")
         self._check(key)
         try:
             for number in range(status.parts):
                 part_in(self.path / f"part-{number:05d}.nc", number, self.key)
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            raise SceneError(f"--output: {str(error.filename)!r} cannot be read: {error.strerror}; take a copy, or go on anew with --force") from None
+        except ValueError as error:
             raise SceneError(f"--output: {error}") from None
         for name, array in arrays.items():
             array[:] = found[name]

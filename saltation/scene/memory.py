@@ -44,13 +44,16 @@ def barred(options: Any, method: str) -> Refusal | None:
     varies = options.kernel != "basset"
     half = varies and rule == "semi_derivative"
     own = options.scheme == "hinsberg" and options.window is not None and options.tail is not False
-    published = varies and (own or options.tail not in (None, False, "fitted"))
+    published = varies and (own or (options.scheme == "windowed" and str(options.tail).startswith(("casas", "van_hinsberg"))))
     given = [name for name in ("rule", "window", "tail") if getattr(options, name) is not None]
     name = f"history.kernel = {options.kernel!r} with " if varies else "history."
     if method == "collocation":
         if options.scheme == "exponential" and not given:
             return None
-        plain: dict[str, Any] = {"history.scheme": "exponential", **{f"history.{word}": None for word in given}}
+        beside = [name for name in ("order", "rtol") if getattr(options, name) is not None]  # of fixed steps
+        plain: dict[str, Any] = {"history.scheme": "exponential", **{f"history.{word}": None for word in [*given, *beside]}}
+        if varies and options.slip_at == "tau":
+            plain["history.slip_at"] = "t"
         instead = [plain] if half or published else [plain, FLOWN]
         tail = own or options.tail not in (None, False)
         reason = "grid" if not tail else "sum" if options.tail == "fitted" else "window"

@@ -502,9 +502,11 @@ def scene_of(content: Any) -> Scene:
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
-        raise SceneError(sentence(error, Scene)) from None
+        text = sentence(error, Scene)
     except ValueError as error:
-        raise SceneError(str(error)) from None
+        text = str(error)
+    still = isinstance(content, dict) and content.get("channel") is None
+    raise SceneError(text.replace("u*", "V") if still else text)  # still water has no u*
 
 
 def shipped() -> dict[str, Path]:

@@ -274,6 +274,7 @@ class Trial:
         names = [name for name in scene.names if name != "encounters"]
         alone = {"effects": names, "cloud": None, "encounters": None} if scene.cloud is not None else {}
         self.scene = scene.changed(**alone, run={"jumps": scene.run.jumps or chain, "duration": None, "discard": 0, "trajectory": False})
+        self.unit = scene.numbers.unit("d/u*")
         self.rtol = next((rtol for rtol in tight if self.accepts(EXACT, rtol)), tight[-1])
         self.tables: list[Floats] = []
         self.jumps = self.scene.run.jumps or chain
@@ -417,7 +418,7 @@ class Ladder:
             going += [entry for entry in self.entries if not entry.samples and size <= self.starts[entry.candidate]]
             if not going:
                 continue
-            self.trial.say(f"fixed steps of {size:.3g} d/u*: {len(going)} candidates")
+            self.trial.say(f"fixed steps of {size:.3g} {self.trial.unit}: {len(going)} candidates")
             for entry in going:
                 entry.samples.append(self.trial.sample(entry, size, LOOKS if jumps is None else 1, jumps))
             timed = [(entry, entry.last) for entry in going if entry.alive]
@@ -463,7 +464,7 @@ class Ladder:
             if not new:
                 return
             for entry, goal in new:
-                self.trial.say(f"{entry.candidate.name}, {entry.candidate.method}: dt = {goal.size:g} d/u*")
+                self.trial.say(f"{entry.candidate.name}, {entry.candidate.method}: dt = {goal.size:g} {self.trial.unit}")
                 entry.samples.append(self.trial.decided(entry, goal.size, self.error, 4 * LOOKS))
                 entry.samples.sort(key=lambda sample: -sample.size)
             self.trial.timed([(entry, sample) for entry, goal in new for sample in entry.samples if sample.size == goal.size and sample.status == "finished"])
@@ -541,7 +542,7 @@ def select_scheme(
         tell("choosing the effects")
         scene = choose(scene, None, executor)
     trial = Trial(cases.with_listed_effects(scene), executor, tell)
-    tell(f"reference: collocation, rtol {trial.rtol:g}; a mean jump takes {trial.duration:.3g} d/u*")
+    tell(f"reference: collocation, rtol {trial.rtol:g}; a mean jump takes {trial.duration:.3g} {trial.unit}")
     return table_of(trial, *measured(trial, error, dt, seconds), error, dt, seconds)
 
 
@@ -635,7 +636,7 @@ def table_of(trial: Trial, entries: Sequence[Entry], ladder: Ladder, error: floa
         "seconds": seconds,
         "reference": trial.rtol,
         "jumps": trial.jumps,
-        "units": {"dt": "d/u*", "rtol": "1", "error": "1", "seconds": "s per jump", "bytes": "bytes"},
+        "units": {"dt": trial.unit, "rtol": "1", "error": "1", "seconds": "s per jump", "bytes": "bytes"},
     }
     return found
 
@@ -654,9 +655,9 @@ def ranking(table: pd.DataFrame, dt: float | None = None, budget: float = math.i
 
 def verdict(table: pd.DataFrame) -> str:
     """In a sentence or two: who wins, by how much, and whether the error is kept."""
-    best, wanted = table.iloc[0], table.attrs["wanted"]
+    best, wanted, unit = table.iloc[0], table.attrs["wanted"], table.attrs["units"]["dt"]
     collocation, fixed = (table[(table["solver"] == COLLOCATION) == own] for own in (True, False))
-    step = f"rtol = {best['rtol']:g}" if best["solver"] == COLLOCATION else f"dt = {best['dt']:g} d/u*"
+    step = f"rtol = {best['rtol']:g}" if best["solver"] == COLLOCATION else f"dt = {best['dt']:g} {unit}"
     kept = f"within {wanted:.3g}" if best["keeps"] else f"and do not keep {wanted:.3g}"
     flown = "" if best["runs"] else ", extrapolated"
     text = f"{best['solver']} with {best['scheme']} at {step}: means {kept}, found {best['error']:.2g} (95 % bound{flown}), {best['seconds']:.2g} s per jump"
@@ -664,7 +665,8 @@ def verdict(table: pd.DataFrame) -> str:
     if rivals.empty:
         return f"{text}; no {'fixed steps' if best['solver'] == COLLOCATION else 'collocation'} seen to keep it"
     rival = rivals.iloc[0]
-    what = f"collocation at rtol = {rival['rtol']:g}" if rival["solver"] == COLLOCATION else f"{rival['scheme']} ({rival['solver']}, dt = {rival['dt']:g} d/u*)"
+    fixed_one = f"{rival['scheme']} ({rival['solver']}, dt = {rival['dt']:g} {unit})"
+    what = f"collocation at rtol = {rival['rtol']:g}" if rival["solver"] == COLLOCATION else fixed_one
     wins = "collocation wins: " if best["solver"] == COLLOCATION else ""
     ratio = rival["seconds"] / best["seconds"]
     if ratio < 1.0:

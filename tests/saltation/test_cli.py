@@ -242,6 +242,7 @@ BAD_OPTIONS = {
     "thesis with other stages": (["campaign", "thesis", "--vary", "channel.transport_stage=2,3", "--output", "{}/c"], "channel.transport_stage"),
     "thesis with another friction": (["campaign", "thesis", "--set", "bed.friction=0.2", "--output", "{}/c"], "bed.friction"),
     "vary without values": (["campaign", "sand", "--vary", "run.seed=", "--output", "{}/c"], "--vary"),
+    "vary one field twice": (["campaign", "sand", "--vary", "run.jumps=1", "--vary", "run.jumps=2", "--output", "{}/c"], "given once"),
     "vary with a bad value": (["campaign", "sand", "--vary", "bed.restitution=0.5,1.5", "--output", "{}/c"], "bed.restitution"),
     "no reference": (["campaign", "sand", "--reference", "{}/no.csv", "--output", "{}/c"], "--reference"),
     "a bad reference": (["campaign", "sand", "--reference", "{}/own.toml", "--output", "{}/c"], "columns"),

@@ -82,6 +82,43 @@ def test_a_refusal_says_why_and_what_flies_instead(one):
         scene_of(content | tables)
 
 
+@pytest.mark.parametrize(("method", "history"), [
+    ("collocation", {"scheme": "daitche", "order": 3}),
+    ("collocation", {"scheme": "windowed", "window": 2.0, "tail": "fitted", "rtol": 1e-8}),
+    ("collocation", {"scheme": "windowed", "window": 2.0, "order": 2, "kernel": "mei_adrian", "slip_at": "tau"}),
+    ("collocation", {"scheme": "semi_derivative", "kernel": "dorgan_loth", "slip_at": "tau"}),
+    ("fixed_step", {"scheme": "windowed", "window": 2.0, "order": 2, "tail": "casas_3_I1", "kernel": "mei_adrian"}),
+    ("runge_kutta_4", {"scheme": "windowed", "window": 2.0, "rule": "semi_derivative", "tail": "van_hinsberg", "kernel": "dorgan_loth"}),
+])  # fmt: skip
+def test_what_a_refusal_names_flies_with_all_else_that_was_given(method, history):
+    """Following a sentence leads to no next one: parameters of what it replaces are left out with it."""
+    content = scene("settling").model_dump(exclude_none=True)
+    content |= {"history": history, "solver": {"method": method} | ({"dt": 1e-2} if method != "collocation" else {})}
+    with pytest.raises(saltation.SceneError) as caught:
+        scene_of(content)
+    for changes in hints(str(caught.value)):
+        tables = {"history": dict(content["history"]), "solver": dict(content["solver"])}
+        for path, value in changes.items():
+            table, field = path.split(".")
+            tables[table][field] = value
+        scene_of(content | {name: {field: value for field, value in table.items() if value is not None} for name, table in tables.items()})
+
+
+@pytest.mark.parametrize(("history", "words"), [
+    ({"scheme": "daitche", "tail": "casas"}, "history.tail has no meaning for scheme = 'daitche'"),
+    ({"scheme": "exponential", "tail": "van_hinsberg"}, "history.tail has no meaning for scheme = 'exponential'"),
+    ({"scheme": "windowed", "window": 2.0, "tail": "fited"}, "history.tail must be 'fitted'"),
+    ({"scheme": "windowed", "window": 2.0, "tail": True}, "history.tail must be 'fitted'"),
+])  # fmt: skip
+def test_a_tail_that_is_none_is_no_published_one(history, words):
+    """With a kernel of finite Reynolds numbers too, where a published tail would be refused for its numbers."""
+    content = scene("settling").model_dump(exclude_none=True) | {"solver": {"method": "fixed_step", "dt": 1e-2}}
+    for kernel in ("basset", "mei_adrian", "dorgan_loth"):
+        with pytest.raises(saltation.SceneError) as caught:
+            scene_of(content | {"history": history | {"kernel": kernel}})
+        assert str(caught.value).startswith(words)
+
+
 def jump(one, dt=0.0, count=1):
     """Height and length of the last of so many jumps."""
     found = saltation.run(scene_of(one.scene(dt, count))).all_jumps[["height", "length"]].to_numpy()

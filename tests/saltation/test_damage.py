@@ -207,6 +207,32 @@ def test_a_lost_or_damaged_account_is_written_again_from_the_checkpoint(folders,
             shutil.rmtree(folder)
 
 
+def test_what_is_said_of_a_lost_account_beside_damage_is_so(folders, tmp_path):
+    """Without a run.json nothing can be opened, and nobody is told that it could."""
+    place, _ = folders
+    folder = shutil.copytree(place / "stopped", tmp_path / "run")
+    (folder / "checkpoint.npz").write_bytes(b"PK\5\6" + bytes(18))
+    with pytest.raises(saltation.SceneError, match=r"checkpoint.npz' is damaged.*; saltation.open\(.*\) gives what there is"):
+        again(folder)
+    assert saltation.open(folder).status == "unfinished"
+    (folder / "run.json").unlink()
+    with pytest.raises(saltation.SceneError, match=r"checkpoint.npz' is damaged.*go on anew with --force$"):
+        again(folder)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("link", [False, True])
+def test_a_lost_part_is_named(folders, tmp_path, number, link):
+    place, _ = folders
+    folder = shutil.copytree(place / "stopped", tmp_path / "run")
+    part = folder / f"part-0000{number}.nc"
+    part.unlink()
+    if link:
+        part.symlink_to(part.name)
+    with pytest.raises(saltation.SceneError, match=rf"^--output: '.*{part.name}' cannot be read: [A-Z][a-z ]+; take a copy"):
+        again(folder)
+
+
 # One writer
 
 HOLD = """import sys, time, pathlib

@@ -223,6 +223,22 @@ def test_units_of_still_water_are_named():
     assert "√(|R| g d)" in found["units"] and "u*" not in found["memory"] and "u*" not in found["solver"]
 
 
+@pytest.mark.parametrize("changes", [
+    {"solver": {"method": "fixed_step", "dt": 1.0}},
+    {"solver": {"method": "fixed_step", "dt": 1e-4}, "history": {"scheme": "windowed", "window": 1e-5}},
+    {"solver": {"method": "fixed_step", "dt": 1e-4}, "history": {"scheme": "windowed"}},
+    {"history": {"window": -1.0}},
+    {"history": {"horizon": 1e30}},
+    {"run": {"duration": 1e300}},
+])  # fmt: skip
+def test_sentences_about_still_water_name_no_shear_velocity(changes):
+    with pytest.raises(SceneError) as caught:
+        scene_of(merged(read("settling"), changes))
+    assert "d/V" in str(caught.value) and "u*" not in str(caught.value)
+    with pytest.raises(SceneError, match=r"d/u\*"):
+        scene_of(merged(read("settling"), changes | {"channel": {"shear_velocity": 0.05}}))
+
+
 def test_a_spin_cannot_lose_more_than_all_of_itself():
     made = scene_of(merged(read("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
     row = next(row for row in advice.advise(made) if row.effect == "rotation")
