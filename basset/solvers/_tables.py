@@ -63,7 +63,7 @@ class Stages:
 
     def __init__(self, stages: int) -> None:
         radau = np.eye(stages + 1)[-1] - np.eye(stages + 1)[-2]  # P_S − P_(S−1) vanishes at the nodes of Radau IIA
-        inner = legendre.legroots(radau)[:-1]
+        inner = np.sort(np.real(legendre.legroots(radau)))[:-1]  # of complex type in some versions of NumPy
         inner -= legendre.legval(inner, radau) / legendre.legval(inner, legendre.legder(radau))
         self.c = np.append((inner + 1.0) / 2.0, 1.0)
         self.regular = Nodal(self.c)
