@@ -123,7 +123,7 @@ def looked(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     model, bed, p, account = g.model, g.bed, g.parts, g.account[0]
     state, work, d = p.state, p.work, g.model.dimensions
     kind = int(state.control[0].singular)
-    near = state.y[d - 1] < bed.highest
+    near = state.y[d - 1] < bed.highest or at(work.polynomial, state.y, kind, 1.0, d - 1) < bed.highest  # the stages are of the last but one iteration
     for i in range(len(p.nodes.c)):
         near = near or work.states[i, d - 1] < bed.highest
     out[0] = out[1] = 2.0

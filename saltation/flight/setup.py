@@ -111,7 +111,7 @@ def shortest(scene: Any) -> float:
         power, stretch = 1.5 / c1, (0.25 * math.pi) ** (1.0 / 3.0) * n.reynolds * (QUICK / (0.75 + c2 * QUICK * n.reynolds)) ** 2
         step = min(step, (FELT * error / (n.history * stretch**power)) ** (1.0 / (0.5 + power)))
     if scene.bed is None and "drag" in scene.names and not isinstance(scene.profile, Still):  # nothing stops a fall before it reaches the wall
-        step = min(step, LAYER * 18.0 * n.shields / n.reynolds)
+        step = min(step, LAYER * 18.0 * abs(n.shields) / n.reynolds)
     close = "encounters" in scene.names or (scene.bed is not None and faces_downstream(roughness_of(scene)))
     return min(FLOOR_OF_CLOSE_CONTACTS if close else FLOOR, 0.1 * step)
 

@@ -119,6 +119,25 @@ def test_a_fall_reaches_the_wall_at_any_speed(diameter, density, rtol):
     assert speed > 500.0 and float(result.trajectory["w"][-1]) == pytest.approx(-speed, rel=1e-6)
 
 
+@pytest.mark.parametrize(("diameter", "density"), [(2e-4, 950.0), (1e-4, 500.0), (1e-4, 2650.0)])
+def test_lighter_than_the_stream_it_rises(diameter, density):
+    """At Stokes's speed."""
+    channel, start = {"profile": "swamee", "shear_velocity": 0.05}, {"start": {"velocity": [0.0, 0.0, 0.0], "height": 2000.0 if density > 1000.0 else 2.0}}
+    made = falling(diameter, 0.5, density=density, channel=channel, drag={"law": "stokes"}, **start)
+    result = flown(made)
+    assert result.status == "finished"
+    speed = (1.0 - density / 1000.0) * 9.81 * diameter**2 / 18e-6 / made.numbers.velocity
+    assert float(result.trajectory["w"][-1]) == pytest.approx(speed, rel=2e-3)
+
+
+@pytest.mark.parametrize("height", [0.50002, 0.500018, 0.500044, 0.5003])
+def test_a_contact_late_in_a_step_is_met_there(height):
+    """A drop of hundredths of a thousandth of a diameter: the first flight is √(2h/a) but for drag and history, which shorten no fall."""
+    made = scene("bouncing", fluid={"viscosity": 1e-5}, grain={"diameter": 2e-3, "density": 7800.0}, start={"height": 2e-3 * height}, run={"jumps": 1})
+    times = [float(flown(made.changed(solver={"rtol": rtol})).all_jumps["duration"].iloc[0]) for rtol in (1e-4, 1e-5, 1e-8)]
+    assert times[0] == pytest.approx(times[2], rel=1e-2) and times[1] == pytest.approx(times[2], rel=1e-3)
+
+
 @pytest.mark.parametrize("method", ["fixed_step", "runge_kutta_4"])
 @pytest.mark.parametrize("steps", [10.5, 3.25, 100.9, 7.0])
 def test_fixed_steps_end_where_they_are_told_to(method, steps):
