@@ -11,10 +11,10 @@ import math
 from functools import lru_cache
 from typing import Any
 
-import numba
 import numpy as np
 
 import basset
+from basset._compile import compiler
 from basset.kernels import Floats
 from basset.solvers.stability import HELD_RATE, adams_moulton, bounds, held_factor
 
@@ -23,10 +23,15 @@ DISTANCES = (0.5, 0.9, 0.97, 1.03, 1.1, 2.0, 5.0)  # λ dt and c√dt over those
 STEPS, SHORT, PERIOD = 3000, 1000, 300  # of a run, of a short one; of the cosine, in the first of which drag that rises does so
 
 
-@numba.njit
-def following(t, y, rate, rises):
+def following(t: float, y: Any, rate: float, rises: bool) -> Any:
     """−λ(t) (y − cos ωt), λ there from the start or rising to its value."""
     return -rate * (min(1.0, t / PERIOD) if rises else 1.0) * (y - math.cos(2.0 * math.pi * t / PERIOD))
+
+
+@lru_cache(maxsize=1)
+def compiled() -> Any:
+    """It, compiled."""
+    return compiler().njit(following)
 
 
 @lru_cache(maxsize=16)
@@ -74,7 +79,7 @@ def row(degree: int, form: str, share: float, distance: float, steps: int) -> di
     found["grows"] = grows(degree, form, drag, history)
     for name, rises in (("", False), ("_rising", True)):
         with np.errstate(over="ignore", invalid="ignore"):
-            result = basset.solve(following, (0.0, float(steps)), [1.0], coefficient=history, args=(drag, rises), method=method)
+            result = basset.solve(compiled(), (0.0, float(steps)), [1.0], coefficient=history, args=(drag, rises), method=method)
         found |= {f"status{name}": result.status, f"largest{name}": float(np.abs(result.y).max())}
     return found
 

@@ -21,6 +21,7 @@ from saltation.flight.layout import ALOFT, CROWDED, HORIZON, JUMPS, REST, Bed, L
 from saltation.flow import velocity_and_shear
 
 SHORTEST = 0.01  # smallest factor of the tolerance
+UNMOVED = 4.0 * 2.0**-52  # of a height
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
 
@@ -129,7 +130,10 @@ def looked(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     out[0] = out[1] = 2.0
     if near:
         draws = uniforms(bed.seed, int(t), account.impacts)
-        out[0] = first_contact(model, bed, work.polynomial, state.y, kind, draws, state.control[0].time == account.start)
+        fresh = state.control[0].time == account.start
+        out[0] = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
+        if fresh and out[0] * state.control[0].step * abs(state.y[2 * d - 1]) <= UNMOVED * abs(state.y[d - 1]):
+            out[0] = 0.0  # what moves the grain by no more than rounding is no flight
     if state.control[0].step > 2.0 * p.problem.floor:
         out[1] = leaving(model, work.polynomial, state.y, kind, p.equation.own[3], work.states)
 

@@ -96,7 +96,7 @@ class TestRanking:
 class Synthetic:
     """A scene that gives every candidate errors A·dt^½ + B and jumps of a + b/dt seconds: in place of `Trial`."""
 
-    count = 60
+    count, unit = 60, "d/u*"
 
     def __init__(self, known):
         self.known, self.flights = known, 0
