@@ -637,7 +637,7 @@ def find_step(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell
 def write_samples(model: layout.Model, grains: Grains, samples: Samples, i: int, polynomial: Floats, until: float, row: Floats) -> None:
     """Samples of the current step up to a time: x, [y,] z, u, [v,] w; `row` is overwritten."""
     d = model.dimensions
-    while grains.sample[i] * samples.interval <= until and grains.sample[i] - samples.first[0] < len(samples.values):
+    while grains.sample[i] * samples.interval <= until and 0 <= grains.sample[i] - samples.first[0] < len(samples.values):
         theta = share_at(grains, i, grains.sample[i] * samples.interval)
         all_at(polynomial, grains.y[i], int(grains.control[i].singular), theta, row)
         kept = samples.values[grains.sample[i] - samples.first[0], i]

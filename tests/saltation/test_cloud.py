@@ -272,3 +272,12 @@ def test_grains_at_fixed_steps_fly_alike_whoever_else_flies(tmp_path):
     assert alone.all_jumps.equals(together.all_jumps.query("grain == 1").reset_index(drop=True))
     same(saltation.run(made, output=tmp_path / "kept"), together)
     same(saltation.run(made, output=tmp_path / "kept"), together)  # it is there already
+
+
+def test_parts_of_which_no_path_is_kept(monkeypatch):
+    """The same jumps, and nothing is written where no samples are: the second part begins behind all of them."""
+    monkeypatch.setattr(simulation, "PART", 12)
+    names = [name for name in saltation.load("sand_cloud").effects if name != "encounters"]
+    made = sand_cloud(4.0, effects=names, cloud={"number": 4}, run={"trajectory": True})
+    kept, bare = (simulation.run(made.changed(run={"trajectory": keep})).all_jumps for keep in (True, False))
+    assert len(kept) > 2 and kept.equals(bare)
