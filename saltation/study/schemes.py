@@ -8,7 +8,7 @@ to steps that are not flown, and the time with its own growth.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
+import inspect
 import itertools
 import json
 import math
@@ -24,7 +24,7 @@ import pandas as pd
 from basset import BassetKernel, _validate, measure
 from basset.advice import bytes_of
 from basset.kernels import Floats
-from basset.quadrature import SCHEMES
+from basset.quadrature import SCHEMES, Rule
 from saltation._keys import text_of
 from saltation.flight.setup import Engine
 from saltation.scene import AUTO, LONGEST, Scene, SceneError, scene_of
@@ -218,14 +218,19 @@ def measured_order(entries: Iterable[Entry], unknown: float = 1.0) -> float:
 # What the scene accepts
 
 
+def parameters(scheme: type[Rule]) -> set[str]:
+    """Names of a scheme's parameters."""
+    return set(inspect.signature(scheme).parameters)
+
+
 def histories(duration: float, rtol: float) -> Iterator[tuple[tuple[str, Any], ...]]:
     """The words of [history] for every scheme with every window, tail and degree; durations in d/u*. Not all of them make a scene."""
     windows = [rounded(share * duration) for share in WINDOWS]
     for name, scheme in SCHEMES.items():
-        known = {item.name for item in dataclasses.fields(scheme)}  # type: ignore[arg-type]
+        known = parameters(scheme)
         rules = [word for word in SCHEMES if word not in ("windowed", "hinsberg", "exponential")] if "rule" in known else [None]
         for rule in rules:
-            fields = known | ({item.name for item in dataclasses.fields(SCHEMES[rule])} if rule else set())  # type: ignore[arg-type]
+            fields = known | (parameters(SCHEMES[rule]) if rule else set())
             axes = {
                 "order": ORDERS if "order" in fields else (None,),
                 "window": windows if "window" in fields else (None,),

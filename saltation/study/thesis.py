@@ -39,17 +39,18 @@ def thesis(retention: float | None = None) -> list[tuple[dict[str, Any], Scene]]
         base["grain"]["diameter"] = diameter_of(reynolds, scene_of(base))
         base["run"] |= {"jumps": 220, "discard": 20}
         for letter, roughness in RUNS.items():
-            for number, (restitution, friction) in SETS.items():
+            for number, (restitution, own) in SETS.items():
+                kept = own if retention is None else retention
                 bed = {**base["bed"], "roughness": roughness, "restitution": restitution}
-                model: dict[str, Any] = {"bed": {**bed, "friction": friction}}
+                model: dict[str, Any] = {"bed": {**bed, "friction": own}}
                 if letter == "A":
                     del bed["friction"]
-                    friction = friction if retention is None else retention  # noqa: PLW2901
-                    model = {"bed": {**bed, "rebound": "garcia_nino", "tangential_retention": friction}, "dimensions": 2, "rotation": {"law": "prescribed"}}
+                    model = {"bed": {**bed, "rebound": "garcia_nino", "tangential_retention": kept}, "dimensions": 2, "rotation": {"law": "prescribed"}}
                 for stage in stages:
                     scene = scene_of({**base, **model, "channel": {**base["channel"], "transport_stage": stage}})
-                    labels = {"run": letter, "set": number, "particle_reynolds": reynolds, "stage": stage, "restitution": restitution, "f": friction}
-                    result.append(({**labels, "f_is": "retention" if letter == "A" else "Coulomb"}, scene))
+                    labels = {"run": letter, "set": number, "particle_reynolds": reynolds, "stage": stage, "restitution": restitution}
+                    f = {"f": kept, "f_is": "retention"} if letter == "A" else {"f": own, "f_is": "Coulomb"}
+                    result.append((labels | f, scene))
     return result
 
 
