@@ -132,7 +132,7 @@ def test_lighter_than_the_stream_it_rises(diameter, density):
 
 @pytest.mark.parametrize("height", [0.50002, 0.500018, 0.500044, 0.5003])
 def test_a_contact_late_in_a_step_is_met_there(height):
-    """A drop of some 1e-5 of a diameter. One that is met at the end of its step only comes 1 to 10 % late; within that, drops below 1e-3 d err by up to 83 × rtol."""
+    """A drop of some 1e-5 d: a contact that is met at the end of its step only comes 1 to 10 % late. Drops below 1e-3 d err by up to 83 × rtol all the same."""
     made = scene("bouncing", fluid={"viscosity": 1e-5}, grain={"diameter": 2e-3, "density": 7800.0}, start={"height": 2e-3 * height}, run={"jumps": 1})
     times = [float(flown(made.changed(solver={"rtol": rtol})).all_jumps["duration"].iloc[0]) for rtol in (1e-4, 1e-5, 1e-8)]
     assert times[0] == pytest.approx(times[2], rel=1e-2) and times[1] == pytest.approx(times[2], rel=1e-3)
