@@ -18,7 +18,7 @@ from saltation.grain import Triple
 class Restitution(NamedTuple):
     """e = dry·exp(−damping/St), St = stokes·V_n the collision Stokes number.
 
-    For `stokes` the fit e = 0.97 exp(−35/St) to Gondret, Lance & Petit (2002), Phys. Fluids 14, 643.
+    For `stokes` dry = 0.97, and damping = 35 is the fit to Gondret, Lance & Petit (2002), Phys. Fluids 14, 643.
     """
 
     dry: float  # e at large St

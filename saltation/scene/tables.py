@@ -94,11 +94,23 @@ class Bed(Table):
     smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
     span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
     restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
-        0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−35/St))"
+        0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−k/St))"
     )
+    stokes_decay: float | None = Field(None, ge=0.0, description="k of restitution = 'stokes', dimensionless; default 35, Gondret's fit")
     friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
     tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
     contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
+
+    @property
+    def decay(self) -> float:
+        """Of e = 0.97 exp(−decay/St); 35 is the fit to Gondret, Lance & Petit (2002), Phys. Fluids 14, 643."""
+        return 35.0 if self.stokes_decay is None else self.stokes_decay
+
+    @model_validator(mode="after")
+    def _right_restitution(self) -> Bed:
+        if self.stokes_decay is not None and self.restitution != "stokes":
+            raise ValueError(f"stokes_decay belongs to restitution = 'stokes', got restitution = {self.restitution!r}: leave one of them out")
+        return self
 
     @model_validator(mode="after")
     def _right_friction(self) -> Bed:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import saltation
 from basset._compile import compiled, digest_of
 from saltation.bed.rebound import REBOUNDS, GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted, restitution_at, strike
 from saltation.grain import numbers_of
@@ -248,3 +249,21 @@ def test_compiled_and_plain_rebounds_agree():
 
 def test_the_registry():
     assert list(REBOUNDS) == ["tsuji", "garcia_nino", "tsuji_printed", "sliding_only"]
+
+
+@pytest.mark.parametrize("decay", [None, 0.0, 11.4])
+def test_restitution_by_stokes_number_takes_the_decay_of_the_scene(decay):
+    """Impulse over momentum of the first contact of a falling sphere is 1 + e."""
+    bed = {"roughness": "flat", "friction": 0.0, "restitution": "stokes"} | ({} if decay is None else {"stokes_decay": decay})
+    made = saltation.run(
+        saltation.Scene.model_validate(
+            {
+                "effects": ["weight", "drag", "added_mass", "history"], "grain": {"diameter": 2e-3}, "fluid": {"viscosity": 2e-6}, "bed": bed,
+                "start": {"velocity": [0.0, 0.0, 0.0], "height": 0.02}, "run": {"jumps": 2}, "solver": {"rtol": 1e-9},
+            }
+        )
+    )  # fmt: skip
+    first = made.jumps.iloc[0]
+    e = -first["impulse_z"] / first["impact_z"] - 1.0
+    assert first["stokes"] > 20.0
+    assert e == pytest.approx(0.97 * math.exp(-(35.0 if decay is None else decay) / first["stokes"]), rel=1e-12)
