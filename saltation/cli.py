@@ -79,8 +79,6 @@ class Commands(_command.Commands):
             if isinstance(error, SceneError):
                 raise Mistake(str(error)) from None
             raise
-        except OSError as error:
-            raise Mistake(f"{named(error.filename or 'a file')!r} cannot be used: {error.strerror or error}") from None
         except BrokenExecutor as error:
             raise click.ClickException(f"{error}: nothing is kept") from None
 
@@ -151,7 +149,7 @@ SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE
 
 @main.command("run")
 @click.argument("scene")
-@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes: a netCDF file, for many grains a folder.")
+@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes: a netCDF file, or the jumps as CSV; for many grains a folder.")
 @click.option("--force", is_flag=True, help="Overwrite the output; for many grains: start anew.")
 @SET
 @click.option("--quiet", is_flag=True, help="Print nothing but mistakes and failures.")
@@ -179,7 +177,10 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
             result = saltation.run(made, report, folder)
     if output is not None and folder is None:
         with stoppable(None), mistakes_of_files("--output"):
-            result.save(output)
+            if output.suffix == ".csv":
+                write(output, result.jumps.to_csv(index=False))
+            else:
+                result.save(output)
     with printing():
         if not quiet:
             (print_result if made.cloud is None else print_cloud)(result)

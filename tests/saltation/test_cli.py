@@ -172,6 +172,14 @@ def saved(tmp_path_factory) -> Path:
     return path
 
 
+def test_jumps_as_a_table(saved, tmp_path):
+    """A CSV file holds the jumps that the netCDF file holds."""
+    path = tmp_path / "out.csv"
+    result = CliRunner().invoke(cli.main, ["run", "sand", "--set", "run.jumps=40", "--output", str(path)])
+    assert result.exit_code == 0, result.output
+    pd.testing.assert_frame_equal(pd.read_csv(path), saltation.open(saved).jumps, check_dtype=False)
+
+
 @pytest.mark.parametrize("name", BAD_SCENES)
 def test_bad_scenes(scene, tmp_path, name):
     changes, words = BAD_SCENES[name]

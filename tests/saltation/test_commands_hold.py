@@ -37,6 +37,14 @@ def environment(**more):
 PRINT = "import sys, saltation; from saltation import cli; made = saltation.open(sys.argv.pop(1)); saltation.run = lambda *_: made; cli.main()"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device without space")
+@pytest.mark.parametrize("arguments", [["saltation", "schema"], ["basset", "--help"], ["basset", "weights", "daitche", "--steps", "3", "--dt", "0.1"]])
+def test_an_output_without_space_is_one_sentence(arguments):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment())
+    assert (done.returncode, done.stderr) == (2, "the output cannot be used: No space left on device\n")
+
+
 def test_a_closed_pipe_is_no_failure(tmp_path):
     """Nobody reads what is printed: the file is there, nothing is said, and the status is that of the run."""
     result = flown(scene("bouncing", run={"jumps": 2}))
