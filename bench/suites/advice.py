@@ -184,7 +184,9 @@ class Trial:
         error = self.true_error(best.rule, best.dt, best.steps, found.time_scale)
         columns = self.case.particles * self.case.components
         signal = advice.model(found.time_scale, self.case.length)
-        job = Job(self.error, self.case.length, columns, self.case.kernel, math.inf, self.use, signal, advice.calibrated())
+        job = Job(
+            self.error, self.case.length, columns, self.case.kernel, math.inf, self.use, signal, advice.calibrated(), 1.0 / signal.scale, signal.scale**-0.5
+        )
         rivals = [rival for family in advice.families(job) if (rival := self.longest(job, family, SLOWER * best.seconds)) is not None]
         TABLES.clear()  # what the search has left behind would slow down every look into the caches
         PLANS.clear()

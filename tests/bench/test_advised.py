@@ -33,6 +33,13 @@ def test_finer_runs_agree_with_closed_forms():
     np.testing.assert_allclose(replace(case, exact=None).truth(0.1, 100), exact, atol=1e-11 * np.abs(exact).max())
 
 
+def test_a_case_is_measured():
+    """What was advised keeps the error, and some other candidates stand beside it."""
+    found = suite.Trial(CASES["damped"], 1e-3, "stream", None, {}).row(1)
+    assert found["meets"] and found["measured"] <= 1e-3
+    assert found["candidates"] > 1 and found["ratio"] >= 1.0
+
+
 def row(ratio, measured=1e-4, case="a", step="given"):
     return {"case": case, "error": 1e-3, "measured": measured, "ratio": ratio, "step": step}
 
