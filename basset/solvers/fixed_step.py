@@ -15,7 +15,7 @@ from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.quadrature import Daitche, Rule, SemiDerivative, resolve
 from basset.solvers import _fixed, events
 from basset.solvers.base import Method, Piece, Segment, SolverError, Task, Trace, segments
-from basset.solvers.stability import bounds, degree_of, longest_step, stable, whole_recipe
+from basset.solvers.stability import IN_A_ROW, bounds, degree_of, longest_step, stable, whole_recipe
 from basset.solvers.stepper import AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE
 from basset.spectrum import STAYS
 from basset.streaming import Plan, State
@@ -161,8 +161,13 @@ class _Integration:
             self._look_back()
 
     def _look_back(self) -> None:
-        """SolverError if explicit steps were too long at three of some nodes: what they add need not alternate."""
-        trace, wrong = self.trace, 0
+        """SolverError if explicit steps stood still where fun moves, or were too long at three of some nodes: what they add need not alternate."""
+        trace, wrong, done = self.trace, 0, int(self.state.numbers[_fixed.NODE])
+        states, rates = self.record.states[:done], self.record.rates[:done]
+        due = 0.5 * self.dt * (rates[1:] + rates[:-1])
+        unmoved = (np.abs(np.diff(states, axis=0)) < 0.1 * np.abs(due)) & (np.abs(due) > 0.05 * np.ptp(states, axis=0))
+        if done > 8 * IN_A_ROW and unmoved[-(done // 8) :].mean(axis=0).max() > 0.5:
+            raise SolverError(f"steps of {self.dt:.3g} s settle where fun is not 0 with {self.rule!r}: they are too long for it; {SHORTER}")
         for k in np.unique(np.linspace(0, len(trace.times) - 1, LOOKS, dtype=int))[1:]:
             try:
                 self._check(trace.times[k], trace.states[k])

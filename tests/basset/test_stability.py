@@ -168,3 +168,14 @@ def test_drag_that_stiffens_on_the_way_is_no_success_of_explicit_steps(fun, y0, 
     fine = basset.solve(fun, (0.0, 3.0), y0, coefficient=0.6, method=basset.RungeKutta4(dt / 64.0))
     exact = basset.solve(fun, (0.0, 3.0), y0, coefficient=0.6, method=basset.Collocation(1e-8))
     assert fine.status == 0 and fine.y[:, -1] == pytest.approx(exact.y[:, -1], abs=0.01)
+
+
+@pytest.mark.parametrize(("c", "dt"), [(0.0, 0.005), (0.5, 0.01)])
+def test_explicit_steps_that_settle_at_no_solution_are_no_success(c, dt):
+    """y' = −40 y³ + 50 t: explicit steps stand still at 1.40, a fixed point of theirs alone, where y is 2.32."""
+    fun = lambda t, y: -40.0 * y**3 + 50.0 * t  # noqa: E731
+    result = basset.solve(fun, (0.0, 10.0), [0.0], coefficient=c, method=basset.RungeKutta4(dt))
+    assert result.status == -1
+    fine = basset.solve(fun, (0.0, 10.0), [0.0], coefficient=c, method=basset.RungeKutta4(dt / 4.0))
+    exact = basset.solve(fun, (0.0, 10.0), [0.0], coefficient=c, method=basset.Collocation(1e-8))
+    assert fine.status == 0 and fine.y[:, -1] == pytest.approx(exact.y[:, -1], rel=0.01)
