@@ -130,6 +130,24 @@ def real_array(name: str, value: Any) -> NDArray[np.float64]:
     return array.astype(np.float64)
 
 
+def finite(name: str, value: Any, missing: bool = False) -> NDArray[np.float64]:
+    """`value` as finite (with `missing`, possibly NaN) float64; what does not hold real numbers is refused."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise TypeError(f"{name} must be an array of real numbers with equal rows, got {shown(value)}") from None
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} must be an array of real numbers, got {shown(value)} (dtype {array.dtype})")
+    array = array.astype(np.float64)
+    bad = np.argwhere(np.isinf(array) if missing else ~np.isfinite(array))
+    if len(bad):
+        where = tuple(int(index) for index in bad[0])
+        place = f" at position {', '.join(map(str, where))}" if where else ""
+        others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+        raise ValueError(f"{name} must be finite, got {array[where]}{place}{others}")
+    return array
+
+
 def not_finite(samples: NDArray[np.floating[Any]], offset: int, name: str = "g") -> ValueError:
     """Why the result for these samples is not finite."""
     flat = samples.reshape(len(samples), -1)

@@ -19,7 +19,7 @@ from reports.words import Record, factor, grouped, signed, span
 from saltation.effects.drag import LAWS
 from saltation.plots import run as plots
 from saltation.scene import load
-from saltation.study.checks import settling_velocity
+from saltation.scene.conditions import settling_velocity
 
 SUITES = ("saltation",)
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from saltation.plots import schemes as scheme_plots
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
+    from saltation.scene.valid import left
     from saltation.study import campaigns, checks, choices, grains, schemes, thesis
     from saltation.study import effects as advice
     from saltation.workers import cores, processes
@@ -51,6 +52,7 @@ else:  # the help needs none of them, most commands a few
     advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
     advice_plots, scheme_plots = (Later(f"saltation.plots.{name}") for name in ("choices", "schemes"))
     front, statistics = (Later(f"saltation.{name}") for name in ("front", "statistics"))
+    left = Later("saltation.scene.valid", "left")
     Scene, read, scene_of, shipped = (Later("saltation.scene", name) for name in ("Scene", "read", "scene_of", "shipped"))
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
@@ -234,6 +236,8 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
     for row in advice.advise(made):
         table.add_row(row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source)
     out.print(table)
+    for text in left(made):
+        out.print(f"\n{text}")
     measured = f"; `saltation ablate {scene}` measures, effects = 'auto' chooses by measurement" if made.bed is not None else ""
     out.print(f"\nestimates for a typical jump{measured}")
 

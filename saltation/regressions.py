@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from basset._validate import finite as _reals
 from saltation.grain import critical_shields
-from saltation.statistics import _reals
 
 Floats = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
+from basset._validate import finite as _reals
 
 Floats = NDArray[np.float64]
 
@@ -485,24 +486,6 @@ def _in_range(lags: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 
 # Arguments
-
-
-def _reals(name: str, value: Any, missing: bool = False) -> Floats:
-    """`value` as finite (with `missing`, possibly NaN) float64; what does not hold real numbers is refused."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise TypeError(f"{name} must be an array of real numbers with equal rows, got {_validate.shown(value)}") from None
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} must be an array of real numbers, got {_validate.shown(value)} (dtype {array.dtype})")
-    array = array.astype(np.float64)
-    bad = np.argwhere(np.isinf(array) if missing else ~np.isfinite(array))
-    if len(bad):
-        where = tuple(int(index) for index in bad[0])
-        place = f" at position {', '.join(map(str, where))}" if where else ""
-        others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-        raise ValueError(f"{name} must be finite, got {array[where]}{place}{others}")
-    return array
 
 
 def _series(name: str, value: Any) -> Floats:

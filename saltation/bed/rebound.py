@@ -12,7 +12,14 @@ from typing import NamedTuple, Protocol
 
 from basset._compile import method
 from saltation.bed.contact import Struck, strike_bed
+from saltation.closures import Closure
 from saltation.grain import Triple
+
+CLOSURES = {  # of the restitution
+    "set1": Closure({"restitution": "set1"}, 1994, "Niño, García & Ayala (1994), Water Resour. Res. 30, 1907", {"T": (1.0, 3.0)}),
+    "set2": Closure({"restitution": 0.65}, 2001, "Schmeeckle, Nelson, Pitlick & Bennett (2001), Water Resour. Res. 37, 2377", {"St": (105.0, math.inf)}),
+    "gondret": Closure({"restitution": "stokes"}, 2002, "Gondret, Lance & Petit (2002), Phys. Fluids 14, 643", {"St": (10.0, 3000.0)}),
+}
 
 
 class Restitution(NamedTuple):

@@ -8,13 +8,14 @@ works through the scene's numbers alone. `warnings(options, numbers)` is optiona
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
-from basset._compile import method, overloads
+from basset._compile import method, overloads, shared
 from saltation.grain import Numbers, Triple
 
-__all__ = ["Force", "NoTorque", "Setting", "Situation", "Torque", "total_force"]
+__all__ = ["Force", "NoTorque", "Setting", "Situation", "Torque", "joined", "length", "total_force"]
 
 
 class Situation(NamedTuple):
@@ -63,6 +64,23 @@ class NoTorque(NamedTuple):
     def torque(self, s: Situation) -> Triple:
         """Zero."""
         return 0.0, 0.0, 0.0
+
+
+@shared
+def length(x: float, y: float, z: float) -> float:
+    """Of a vector, in its unit."""
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@shared
+def joined(below: float, above: float, place: float) -> float:
+    """`below` for place < 0.75, `above` for place > 1.25, with continuous first and second derivatives between."""
+    if place <= 0.75:
+        return below
+    if place >= 1.25:
+        return above
+    x = 2.0 * (place - 0.75)
+    return below + (above - below) * x * x * x * (10.0 + x * (6.0 * x - 15.0))
 
 
 force = method("force", 1)

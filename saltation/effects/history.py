@@ -13,6 +13,7 @@ from pydantic import Field
 
 from basset.kernels import AnyKernel, BassetKernel, VaryingSlipKernel
 from saltation._tables import Table
+from saltation.closures import Closure
 from saltation.effects.base import Setting
 from saltation.grain import Numbers
 
@@ -20,7 +21,12 @@ __all__ = ["Options"]
 
 NAME = "history"
 SOURCE = "Basset (1888); Mei & Adrian (1992), J. Fluid Mech. 237, 323; Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833; thesis (3-1), (5-3)"
-VALID = "creeping flow far from walls; at Re around 50 an extrapolation"
+VALID = "far from walls; see each kernel's range of Re_p"
+CLOSURES = {
+    "basset": Closure({"kernel": "basset"}, 1888, "Basset (1888)", {"Re_p": (0.0, 1.0)}),
+    "mei_adrian": Closure({"kernel": "mei_adrian"}, 1992, "Mei & Adrian (1992), J. Fluid Mech. 237, 323", {"Re_p": (0.0, 50.0)}),
+    "dorgan_loth": Closure({"kernel": "dorgan_loth"}, 2007, "Dorgan & Loth (2007), Int. J. Multiphase Flow 33, 833", {"Re_p": (0.0, 300.0)}),
+}
 KERNELS = {"mei_adrian": (2.0, 0.105), "dorgan_loth": (2.5, 0.2)}  # c1, c2
 SLIPS = (1e-3, 1e3)  # V: a slower grain's kernel is Basset's as far as steps see
 
@@ -54,10 +60,7 @@ def build(options: Options, setting: Setting) -> Any:
 
 
 def warnings(options: Options, numbers: Numbers) -> list[str]:
-    """The caveat that belongs to every scene with history and rebounds."""
-    if options.kernel == "basset" and numbers.reynolds > 4.0:
-        return [
-            f"history: Basset's kernel is that of creeping flow; here Re* = {numbers.reynolds:.3g}. "
-            "Compare history.kernel = 'mei_adrian' and the four choices of history.rebound"
-        ]
-    return []
+    """The caveat that belongs to every scene whose grains are not small."""
+    if numbers.reynolds <= 4.0:
+        return []
+    return [f"history.rebound = {options.rebound!r}: how the history force meets a rebound decides how high grains jump: compare its four choices"]

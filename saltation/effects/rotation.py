@@ -13,7 +13,8 @@ from pydantic import Field
 
 from basset._compile import shared
 from saltation._tables import Table
-from saltation.effects.base import Setting, Situation
+from saltation.closures import Closure
+from saltation.effects.base import Setting, Situation, joined
 from saltation.grain import Numbers, Triple
 
 __all__ = ["Options", "Yamamoto", "friction_of", "prescribed_spin"]
@@ -21,6 +22,9 @@ __all__ = ["Options", "Yamamoto", "friction_of", "prescribed_spin"]
 NAME = "rotation"
 SOURCE = "Yamamoto et al. (2001), J. Fluid Mech. 442, 303; Niño & García (1994) for the prescribed spin, thesis (3-6)"
 VALID = "the prescribed spin: R_p 60 to 90, T below about 3"
+CLOSURES = {
+    "yamamoto": Closure({"law": "yamamoto"}, 1980, "Yamamoto et al. (2001), J. Fluid Mech. 442, 303", {"Re_r": (0.0, 4000.0)}),  # Dennis et al. (1980)
+}
 
 
 class Options(Table):
@@ -43,17 +47,6 @@ def friction_of(number: float) -> float:
     value = joined(value, 5.32 * root + 37.2, 0.1 * number)
     value = joined(value, 6.44 * root + 32.2, 0.05 * number)
     return joined(value, 6.45 * root + 32.1, 0.02 * number)
-
-
-@shared
-def joined(below: float, above: float, place: float) -> float:
-    """`below` for place < 0.75, `above` for place > 1.25, with continuous first and second derivatives between."""
-    if place <= 0.75:
-        return below
-    if place >= 1.25:
-        return above
-    x = 2.0 * (place - 0.75)
-    return below + (above - below) * x * x * x * (10.0 + x * (6.0 * x - 15.0))
 
 
 class Yamamoto(NamedTuple):

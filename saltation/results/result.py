@@ -22,6 +22,7 @@ from saltation._files import store
 from saltation.effects import EFFECTS
 from saltation.results.tables import FATES, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
 from saltation.scene import Scene
+from saltation.scene.valid import left
 
 __all__ = ["Result"]
 
@@ -426,7 +427,7 @@ def origin(scene: Scene) -> dict[str, Any]:
         "kernel": history.kernel if history else None,
         "scheme": history.scheme if history else None,
         "solver": scene.solver.model_dump(exclude_none=True),
-        "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)],
+        "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)] + left(scene),
         "seed": scene.run.seed,
         "versions": {"basset": __version__} | {name: installed(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
     }

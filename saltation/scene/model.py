@@ -12,9 +12,9 @@ import tomllib
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, create_model, model_validator
+from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, ValidationError, create_model, model_validator
 
 from basset import _validate
 from basset.quadrature import SCHEMES, Daitche
@@ -27,6 +27,7 @@ from saltation.scene.memory import barred
 from saltation.scene.messages import sentence
 from saltation.scene.presets import ALL, PRESETS, Preset
 from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Run, SceneError, Solver, Start
+from saltation.scene.valid import chosen, families
 
 __all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
 
@@ -78,6 +79,10 @@ class SceneBase(Table):
     """
 
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
+    defaults: Literal["thesis", "valid"] = Field(
+        "thesis",
+        description="laws that are not given: the thesis's, or 'valid', those whose range holds the scene, of these the most recently measured (written out)",
+    )
     tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū (dimensionless), for effects = 'auto'; default 0.05")
     chosen: Chosen | None = Field(None, description="how the effects were chosen, with the evidence: written with a result, not given")
     dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
@@ -89,6 +94,22 @@ class SceneBase(Table):
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
     run: Run = Field(description="a table: how long, and which random numbers")
     cloud: Cloud | None = Field(None, description="a table: many grains instead of one")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _written_out(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """With defaults = "valid" the laws that are not given are written out, so that a result says what was flown."""
+        scene = handler(content)
+        if scene.defaults == "thesis" or not isinstance(content, dict):
+            return scene
+        given = {name: dict(table) if isinstance(table, dict) else table for name, table in content.items()}
+        preset = scene.preset.options if isinstance(scene.effects, str) else {}
+        for family, (name, _) in chosen(scene).items():
+            table, closure = family.partition(".")[0], families(scene)[family][name]
+            fields = {field for other in families(scene)[family].values() for field in other.take}
+            if table not in preset and not fields & set(given.get(table) or {}):
+                given[table] = {**(given.get(table) or {}), **closure.take}
+        return handler(given)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from saltation.effects import EFFECTS
-from saltation.effects.drag import LAWS
 from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES
 from saltation.scene import AUTO, Scene
+from saltation.scene.conditions import settling_velocity
 from saltation.scene.presets import differences
+from saltation.scene.valid import left
 
 
 class Number(NamedTuple):
@@ -48,23 +48,6 @@ def numbers(scene: Scene) -> list[Number]:
     if speed is not None and scene.channel is not None:
         found.append(Number("w_s/u*", speed / n.velocity, "settling velocity over shear velocity"))
     return found
-
-
-def settling_velocity(scene: Scene) -> float | None:
-    """Terminal velocity in still water, m/s: drag balances weight, thesis (3-1); None without weight or drag, or for a grain that does not sink."""
-    n = scene.numbers
-    if not {"weight", "drag"} <= set(scene.names) or n.density_ratio <= 1.0:
-        return None
-    factor = LAWS[scene.options("drag").law].factor
-
-    def excess(logarithm: float) -> float:  # of the drag over the weight at a speed in V
-        speed = math.exp(logarithm)
-        return float(18.0 / n.reynolds * factor(speed * n.reynolds) * speed * n.shields - 1.0)
-
-    low, high = -40.0, 40.0
-    while low < (middle := 0.5 * (low + high)) < high:  # to the last bit; scipy.optimize takes a quarter of a second to import
-        low, high = (middle, high) if excess(middle) < 0.0 else (low, middle)
-    return float(math.exp(low) * n.velocity)
 
 
 def computed(scene: Scene) -> dict[str, str]:
@@ -193,4 +176,4 @@ def warnings(scene: Scene) -> list[str]:
         found.append("run.longest_flight is ignored: without a [bed] there is no flight that is too long")
     for name in scene.names:
         found += getattr(EFFECTS[name], "warnings", lambda options, numbers: [])(scene.options(name), n)
-    return found
+    return found + left(scene)

@@ -15,13 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from saltation import regressions
 from saltation._keys import key_of
 from saltation.effects import EFFECTS
-from saltation.effects.base import Setting, Situation
-from saltation.effects.rotation import prescribed_spin
-from saltation.flow import velocity_and_shear
+from saltation.effects.base import Setting
 from saltation.scene import Scene, SceneError
+from saltation.scene.conditions import Typical, settling_velocity, situations, typical
 from saltation.study import cases
 from saltation.study.cases import (
     VARIABLES,
@@ -37,7 +35,6 @@ from saltation.study.cases import (
     with_listed_effects,
     without,
 )
-from saltation.study.checks import settling_velocity
 
 __all__ = ["Typical", "Verdict", "ablate", "advise", "choose", "thresholds", "typical"]
 
@@ -46,7 +43,6 @@ TOLERANCE = 0.05  # of a choice, unless the scene gives one
 SHARPNESS = 0.2  # standard error of the mean height in a choice, over its tolerance
 SMOOTH = 5.0  # k_s+: up to here a bed is smooth
 NEEDED = ("weight",)  # without it nothing comes down
-PHASES = ((0.0, 0.25), (0.5, 1.0), (1.0, 0.25))  # of a jump: share of its time, share of its height
 
 
 @dataclass(frozen=True)
@@ -59,33 +55,6 @@ class Verdict:
     verdict: str
     reason: str
     source: str
-
-
-@dataclass(frozen=True)
-class Typical:
-    """A typical jump."""
-
-    height: float  # d
-    duration: float  # d/V
-    rise: float  # V, at takeoff, upwards
-    speed: float  # V, mean along the stream
-    spin: float  # V/d
-
-
-def typical(scene: Scene) -> Typical:
-    """The jump that the means of `saltation.regressions` give at the scene's R_p and T (at least T = 1.2); in still water one diameter high."""
-    numbers = scene.numbers
-    if not math.isfinite(numbers.shields):
-        raise SceneError(f"grain.density must differ from the fluid's for a typical jump, got {scene.grain.density:g} kg/m3 for both")
-    height, speed, spin = 1.0, 0.0, 0.0
-    if numbers.stage is not None:
-        stage = max(numbers.stage, 1.2)
-        found = [regression(numbers.particle_reynolds, stage) for regression in regressions.REGRESSIONS.values()]
-        height, speed = (float(np.mean([getattr(jump, name) for jump in found])) for name in ("height", "speed"))
-        spin = max(1.0, prescribed_spin(stage))
-    fall = numbers.alpha / abs(numbers.shields)
-    rise = math.sqrt(2.0 * fall * height)
-    return Typical(height, 2.0 * rise / fall, rise, speed, spin)
 
 
 def advise(scene: Scene) -> list[Verdict]:
@@ -129,17 +98,17 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
         often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
         return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
     built = module.build(options, setting)
-    situations = [_situation(scene, jump, *phase) for phase in PHASES]
+    met = situations(scene, jump)
     if name == "rotation":
         if built is None:
             return 1.0, "the spin is prescribed"
-        loss = max(abs(built.torque(s)[1]) for s in situations) * jump.duration / max(jump.spin, 1e-300)
+        loss = max(abs(built.torque(s)[1]) for s in met) * jump.duration / max(jump.spin, 1e-300)
         if loss >= 1.0:
             return 1.0, f"friction takes the spin within {jump.duration / loss:.2g} d/V, in a jump of {jump.duration:.2g} d/V all of it"
         return loss, f"in a jump of {jump.duration:.2g} d/V friction changes the spin by {loss:.1%}"
     if built is None:
         return 0.0, "no force in this form"
-    forces = np.array([built.force(s) for s in situations])
+    forces = np.array([built.force(s) for s in met])
     share = float(np.sqrt((forces**2).sum(axis=1).mean())) / weight
     return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
 
@@ -180,13 +149,6 @@ def _told(found: list[Threshold]) -> str:
         return ""
     parts = [f"{own.symbol} = {own.value:.3g} {'≤' if own.calls else '>'} {own.bound:g} ({own.source})" for own in found]
     return f"; {sum(own.calls for own in found)} of {len(found)} published thresholds call for it: {', '.join(parts)}"
-
-
-def _situation(scene: Scene, jump: Typical, when: float, where: float) -> Situation:
-    """The grain in its typical jump."""
-    z = 0.75 + where * jump.height
-    stream, shear = velocity_and_shear(scene.profile, z)
-    return Situation(z, jump.speed - stream, 0.0, jump.rise * (1.0 - 2.0 * when), stream, shear, 0.0, jump.spin, 0.0)
 
 
 # Leaving out

@@ -67,6 +67,8 @@ def coefficient(law, re):
         return 24 / re + 2
     if law == "engelund_hansen":
         return 24 / re + mpmath.mpf("1.5")
+    if law == "brown_lawler":
+        return 24 / re * (1 + mpmath.mpf("0.15") * re ** mpmath.mpf("0.681")) + mpmath.mpf("0.407") / (1 + 8710 / re)
     tail = mpmath.mpf("0.413") / (1 + 16300 * re ** mpmath.mpf("-1.09"))
     return 24 / re * (1 + mpmath.mpf("0.173") * re ** mpmath.mpf("0.657")) + tail
 
@@ -122,6 +124,7 @@ class TestDragLaws:
             "schiller_naumann": (27.6, 1.0917, 0.44),
             "yen": (28.008, 1.0078, 0.5452),
             "turton_levenspiel": (28.152, 1.0994, 0.4547),
+            "brown_lawler": (27.60005, 1.0731, 0.4634),
         }
         for law, values in expected.items():
             for re, value in zip((1.0, 100.0, 1000.0), values, strict=True):
@@ -180,12 +183,6 @@ class TestDrag:
         setting = Setting(still, profile_of("none", still))
         effects = (weight.build(weight.Options(), setting), drag.build(drag.Options(law="stokes"), setting))
         assert total_force(effects, situation(slip=(0.0, 0.0, -fall / still.velocity))) == pytest.approx((0.0, 0.0, 0.0), abs=1e-14)
-
-    def test_warnings(self):
-        assert drag.warnings(drag.Options(), N) == []
-        assert drag.warnings(drag.Options(law="stokes"), N) == [
-            f"drag.law = 'stokes' is meant for Re up to 0.1; a slip of 2.5 V has Re = {2.5 * N.reynolds:.3g}"
-        ]
 
 
 class TestLift:
@@ -369,8 +366,7 @@ class TestHistory:
         assert kernels == history.KERNELS
 
     def test_warnings(self):
-        assert "Re* = 17.9" in history.warnings(history.Options(), N)[0]
-        assert history.warnings(history.Options(kernel="mei_adrian"), N) == []
+        assert "compare its four choices" in history.warnings(history.Options(), N)[0]
         assert history.warnings(history.Options(), numbers_of(WATER, NU, QUARTZ, 8e-5)) == []
 
 

@@ -10,6 +10,7 @@ from saltation.effects import EFFECTS
 from saltation.grain import GRAVITY
 from saltation.scene import Scene, SceneError, read, scene_of, shipped
 from saltation.scene.presets import PRESETS
+from saltation.scene.valid import left
 from saltation.study import checks
 
 CONTRACT = """
@@ -63,7 +64,7 @@ def test_the_contract_scene():
     assert not scene.in_plane
     assert scene.numbers.stage == pytest.approx(1.87, rel=1e-12)
     assert scene.options("lift").coefficient == 0.2  # not given: the default
-    assert checks.warnings(scene) == EFFECTS["history"].warnings(scene.options("history"), scene.numbers)
+    assert checks.warnings(scene) == EFFECTS["history"].warnings(scene.options("history"), scene.numbers) + left(scene)
 
 
 @pytest.mark.parametrize(("given", "is_right"), [("exponential", False), ("windowed", True)])
