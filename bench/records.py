@@ -1,6 +1,7 @@
 """Measured motions of single spheres: key figures, which are facts, with their sources; the full digitised records are read from a folder.
 
-A record is a file of two columns without a header, lines that begin with # left out: seconds and gap under the sphere (m) of a bounce, t/√(d/g) and v/√(g d) of a fall.
+A record is a file of two columns without a header, lines that begin with # left out: of a bounce seconds and the gap under the sphere (m),
+of a fall t/√(d/g) and v/√(g d).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 from basset.kernels import Floats
 
 GONDRET = "Gondret, Lance & Petit (2002), Phys. Fluids 14, 643"
-DIGITISED = "PARTIES, testcases/Gondret_Testcase (github.com/m-jalabert/PARTIES-VoF-IBM); conditions: Biegert, Vowinckel & Meiburg (2017), J. Comput. Phys. 340, 105"
+DIGITISED = "PARTIES, testcases/Gondret_Testcase (github.com/m-jalabert/PARTIES-VoF-IBM)"
+CONDITIONS = "Biegert, Vowinckel & Meiburg (2017), J. Comput. Phys. 340, 105, table 1"
 MARGIN = 2e-3  # s: points so close to the last contact that counts are left out, for a model's contact may come before
 
 
@@ -73,7 +75,7 @@ class Fall:
 
 # of the table of the paper, as the runs of a fully resolved simulation give them: speeds, times and √(R g d³)/ν of 49.14, 206.27 and 255.35
 MORDANT = "Mordant & Pinton (2000), Eur. Phys. J. B 18, 343"
-MORDANT_FROM = "Ghigo, sphere-settling-large-domain (basilisk.fr/sandbox/ghigo): the paper's speeds and times, V(1 − exp(−3t/t95))"
+MORDANT_FROM = "test case sphere-settling-large-domain of a Basilisk sandbox: the paper's speeds and times, V(1 − exp(−3t/t95))"
 FALLS = (
     Fall("Re 41", 2.56, 8.9e-7, 0.5e-3, 41.0, 0.0741, 0.055),
     Fall("Re 280", 7.71, 8.9e-7, 0.8e-3, 280.0, 0.316, 0.108),
@@ -96,7 +98,9 @@ class Tank:
 
 
 TEN_CATE = "ten Cate, Nieuwstad, Derksen & Van den Akker (2002), Phys. Fluids 14, 4012, tables I and II"
-TEN_CATE_FROM = "their numbers as checked against the paper in a data sheet of the peclet project's documents on GitHub"
+TEN_CATE_FROM = (
+    "their numbers as checked against the paper in a data sheet among the peclet project's documents (github.com/computational-chemical-engineering)"
+)
 TANK_DIAMETER, TANK_DENSITY, TANK_FALL = 15.0e-3, 1120.0, 0.120
 TANKS = (
     Tank("Re 1.5", 970.0, 0.373, 1.5, 0.947, 0.03829),

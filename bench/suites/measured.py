@@ -17,9 +17,10 @@ from scipy.interpolate import CubicSpline
 
 from basset.kernels import Floats
 from basset.solvers._tables import following
-from bench import records
+from bench import records as facts
 from bench.grains import rounded
 from bench.records import BOUNCES, Bounce
+from saltation.effects.drag import LAWS
 from saltation.effects.history import KERNELS
 from saltation.flight.setup import Engine
 from saltation.grain import GRAVITY
@@ -34,6 +35,7 @@ SHIFT = 2e-4  # s, of the time of the first contact
 DIGITS = 5e-5  # m: standard deviation of a digitised height, five times that of the record's points at rest
 BLOCK = 5  # neighbouring points that are drawn together: their misfits are alike
 BEYOND = 0.03  # s, that a flight goes on behind the last point
+K_SHOWN = [float(k) for k in range(2, 48)]
 TARGET, NEAR = 0.06, 0.03  # rms of heights over the first apex; deviation of a speed
 FIT_KERNEL, FIT_POWER = "mei_adrian", 2.0  # the kernel of the second law with two free numbers, and its c1
 
@@ -59,7 +61,8 @@ class Closure(NamedTuple):
     constants: tuple[float, float] | None = None
 
 
-CHOICES = (*(Choice(rebound, kernel) for rebound in ("impulse", "restart", "reset", "none") for kernel in ("basset", *KERNELS)), Choice())
+REBOUNDS = ("impulse", "restart", "reset", "none")
+CHOICES = (*(Choice(rebound, kernel) for rebound in REBOUNDS for kernel in ("basset", *KERNELS)), Choice())
 PLAIN = Closure()
 CLOSURES = {"drag − 10 %": Closure(drag=0.9), "drag + 10 %": Closure(drag=1.1), "Yen's drag": Closure("yen")}
 
@@ -83,7 +86,7 @@ def content_of(ratio: float, viscosity: float, diameter: float, choice: Choice, 
     }
 
 
-class Path_(NamedTuple):
+class Course(NamedTuple):
     """A flight: times (s), gaps under the sphere (m), speeds upwards (m/s) at the nodes of its steps, and the times of its contacts."""
 
     time: Floats
@@ -101,7 +104,7 @@ class Path_(NamedTuple):
         return found
 
 
-def flown(content: Mapping[str, Any], closure: Closure = PLAIN) -> Path_:
+def flown(content: Mapping[str, Any], closure: Closure = PLAIN) -> Course:
     """The flight of a scene. What no field of a scene says is changed in what was built for it: numbers, not types, so that nothing is compiled anew."""
     scene = scene_of(content)
     engine, numbers = Engine(scene), scene.numbers
@@ -118,9 +121,9 @@ def flown(content: Mapping[str, Any], closure: Closure = PLAIN) -> Path_:
         engine.following = following(engine.tables.count, tail, closure.constants, numbers.reynolds, numbers.reynolds, (0.0, math.inf), matched)
     result = fly(engine, lambda share: None)
     path = result.trajectory
-    contacts = result.all_jumps["start"].to_numpy()[1:] * numbers.time
+    contacts = (result.all_jumps["start"] + result.all_jumps["duration"]).to_numpy() * numbers.time
     gap = (path["z"].to_numpy() - 0.5) * numbers.diameter
-    return Path_(path["time"].to_numpy() * numbers.time, gap, path["w"].to_numpy() * numbers.velocity, contacts)
+    return Course(path["time"].to_numpy() * numbers.time, gap, path["w"].to_numpy() * numbers.velocity, contacts)
 
 
 def fall(bounce: Bounce, choice: Choice, closure: Closure = PLAIN) -> tuple[float, float]:
@@ -135,7 +138,7 @@ def fall(bounce: Bounce, choice: Choice, closure: Closure = PLAIN) -> tuple[floa
     return HIGHEST - float(gap), float(time)
 
 
-def bounced(bounce: Bounce, choice: Choice, closure: Closure, drop: tuple[float, float], until: float, **restitution: Any) -> Path_:
+def bounced(bounce: Bounce, choice: Choice, closure: Closure, drop: tuple[float, float], until: float, **restitution: Any) -> Course:
     """The fall and the bounces, times from the first contact."""
     height, time = drop
     content = content_of(bounce.ratio, bounce.viscosity, bounce.diameter, choice, closure.law, height, time + until + BEYOND)
@@ -158,8 +161,7 @@ class Sweep(NamedTuple):
 
 def swept(task: Sweep) -> Floats:
     """Gaps (m) at the times SHIFT earlier, at them, and SHIFT later (values, 3, times)."""
-    drop = fall(task.bounce, task.choice, task.closure)
-    until, found = float(task.times[-1]), []
+    drop, until, found = fall(task.bounce, task.choice, task.closure), float(task.times[-1]), []
     for value in task.values:
         law = {"restitution": float(value)} if task.constant else {"restitution": "stokes", "stokes_decay": float(value)}
         path = bounced(task.bounce, task.choice, task.closure, drop, until, **law)
@@ -251,8 +253,9 @@ def first_flights(points: Mapping[str, Floats], count: int, rng: np.random.Gener
     for (bounce, _), gaps in zip(tasks, looked, strict=True):
         apart = misfit(coarse, {bounce.name: gaps[:, 1]}, {bounce.name: chosen[bounce.name][:, 1]})
         middles.append(round(apart.best(), 3))
-    fine = [np.clip(middle, 0.04, 0.96) + np.arange(-0.04, 0.0401, 0.005) for middle in middles]
-    close = several(swept, [Sweep(bounce, choice, PLAIN, chosen[bounce.name][:, 0], values, True) for (bounce, choice), values in zip(tasks, fine, strict=True)])
+    fine: list[Floats] = [np.clip(middle, 0.04, 0.96) + np.arange(-0.04, 0.0401, 0.005) for middle in middles]
+    nearby = [Sweep(bounce, choice, PLAIN, chosen[bounce.name][:, 0], values, True) for (bounce, choice), values in zip(tasks, fine, strict=True)]
+    close = several(swept, nearby)
     rows = []
     for (bounce, choice), values, gaps in zip(tasks, fine, close, strict=True):
         dense, heights = finer(values, gaps[:, 1], 10)
@@ -278,7 +281,7 @@ def first_flights(points: Mapping[str, Floats], count: int, rng: np.random.Gener
 def first_points(bounce: Bounce, points: Floats) -> Floats:
     """The points of the first flight; of key points its apex and the contact behind it."""
     key = len(points) == len(bounce.key_points())
-    return points[points[:, 0] <= bounce.contacts[0]] if key else points[points[:, 0] < bounce.contacts[0] - records.MARGIN]
+    return points[points[:, 0] <= bounce.contacts[0]] if key else points[points[:, 0] < bounce.contacts[0] - facts.MARGIN]
 
 
 def misfits(points: Mapping[str, Floats], closures: Mapping[str, Closure], values: Floats) -> dict[str, dict[Choice, dict[str, Floats]]]:
@@ -292,8 +295,8 @@ def misfits(points: Mapping[str, Floats], closures: Mapping[str, Closure], value
 
 
 def by_k(values: Floats, gaps: Mapping[str, Floats], measured: Mapping[str, Floats], shift: int = 1) -> Misfit:
-    """Misfit by k at steps of a tenth of the values'."""
-    dense = np.linspace(values[0], values[-1], 10 * (len(values) - 1) + 1)
+    """Misfit by k at steps of a tenth."""
+    dense = np.linspace(values[0], values[-1], round(10.0 * (values[-1] - values[0])) + 1)
     heights = {name: np.array([np.interp(dense, values, column) for column in array[:, shift].T]).T for name, array in gaps.items()}
     return misfit(dense, heights, measured)
 
@@ -323,12 +326,11 @@ def joint(found: Mapping[Choice, Misfit], points: Mapping[str, Floats], count: i
 def verdict(totals: Mapping[Choice, float]) -> dict[str, Any]:
     """What a ranking of all choices says: the first three, whether remembering wins with every kernel, whether forgetting loses to both others with each."""
     order = sorted(totals, key=lambda choice: totals[choice])
-    kernels = ("basset", *KERNELS)
-    wins = {kernel: min(("impulse", "restart", "reset", "none"), key=lambda rebound: totals[Choice(rebound, kernel)]) == "impulse" for kernel in kernels}
-    loses = {
-        kernel: max(totals[Choice(rebound, kernel)] for rebound in ("impulse", "restart")) < min(totals[Choice(rebound, kernel)] for rebound in ("reset", "none"))
-        for kernel in kernels
-    }
+    wins, loses = {}, {}
+    for kernel in ("basset", *KERNELS):
+        of = {rebound: totals[Choice(rebound, kernel)] for rebound in REBOUNDS}
+        wins[kernel] = min(of, key=of.__getitem__) == "impulse"
+        loses[kernel] = max(of["impulse"], of["restart"]) < min(of["reset"], of["none"])
     return {"first": [choice.label for choice in order[:3]], "impulse_wins": wins, "forgetting_loses": loses, "last": order[-1].label}
 
 
@@ -354,13 +356,13 @@ def stability(
         rows.append(row(f"points {1e3 * SHIFT:g} ms {word}", found))
     scales = {bounce.name: bounce.scale for bounce in BOUNCES}
     wins, loses = 0, 0
-    for _ in range(count):
+    for _ in range(noises := min(count, 300)):
         noise = {name: rng.normal(0.0, DIGITS, len(array)) / scales[name] for name, array in points.items()}
         noisy = {choice: Misfit(apart.values, {name: apart.apart[name] + noise[name] for name in names}) for choice, apart in plain.items()}
         said = verdict(ranked(noisy, names))
         wins += all(said["impulse_wins"].values())
         loses += all(said["forgetting_loses"].values())
-    rows.append({"change": "digits", "draws": count, "impulse_wins": wins, "forgetting_loses": loses})
+    rows.append({"change": "digits", "draws": noises, "impulse_wins": wins, "forgetting_loses": loses})
     return rows
 
 
@@ -377,11 +379,11 @@ class Pair(NamedTuple):
 def pairs(full: bool) -> list[Pair]:
     """Laws with two free numbers: the restitution at large St and k; and a kernel's constant and k, with the dry restitution as it was measured."""
     dry, k = (np.arange(0.76, 1.001, 0.02), np.arange(4.0, 27.1, 1.0)) if full else (np.arange(0.76, 1.001, 0.08), np.arange(4.0, 26.1, 2.0))
-    c2 = np.arange(0.10, 0.601, 0.05) if full else np.array([0.1, 0.2, 0.3, 0.4])
+    c2, near = (np.arange(0.20, 0.451, 0.025), np.arange(10.0, 20.1, 0.5)) if full else (np.array([0.1, 0.2, 0.3, 0.4]), k)
     chosen = [Choice("impulse", kernel) for kernel in ("basset", *KERNELS)] + [Choice()]
     found = [Pair("dry restitution and k", choice, tuple(Closure(dry=float(value)) for value in dry), dry, k) for choice in chosen]
     made = tuple(Closure(constants=(FIT_POWER, float(value))) for value in c2)
-    return [*found, Pair("kernel's c2 and k", Choice("impulse", FIT_KERNEL), made, c2, k[k <= 22.0])]
+    return [*found, Pair("kernel's c2 and k", Choice("impulse", FIT_KERNEL), made, c2, near)]
 
 
 def two_numbers(points: Mapping[str, Floats], full: bool, count: int, rng: np.random.Generator) -> list[dict[str, Any]]:
@@ -434,11 +436,10 @@ WINDOWS = ((0.0, 3.0), (3.0, 10.0), (10.0, math.inf))  # √(d/g)
 
 def settling(folder: Path | None, c2: float) -> dict[str, Any]:
     """Falls from rest: the times to 95 % of the last speed; with the record at Re 41 the deviations of the speed."""
-    chosen = {**{choice.label: (choice, PLAIN) for choice in (Choice(), *(Choice("impulse", kernel) for kernel in ("basset", *KERNELS)))}}
-    chosen = {("no history" if not choice.kernel else choice.kernel): (choice, closure) for choice, closure in chosen.values()}
+    chosen = {choice.kernel or choice.label: (choice, PLAIN) for choice in (Choice(), *(Choice("impulse", kernel) for kernel in ("basset", *KERNELS)))}
     chosen["fitted c2"] = (Choice("impulse", FIT_KERNEL), Closure(constants=(FIT_POWER, c2)))
     times = []
-    for case in records.FALLS:
+    for case in facts.FALLS:
         row: dict[str, Any] = {"motion": case.name, "measured": case.time, "last": case.speed}
         for name, (choice, closure) in chosen.items():
             time, speed, last = fallen(case.ratio, case.viscosity, case.diameter, choice, closure, 12.0 * case.time)
@@ -446,50 +447,59 @@ def settling(folder: Path | None, c2: float) -> dict[str, Any]:
             row[name] = float(np.interp(0.95 * last, np.maximum.accumulate(speed), time)) if speed.max() >= 0.95 * last else None
         times.append(row)
     tanks = []
-    for tank in records.TANKS:
+    for tank in facts.TANKS:
         row = {"motion": tank.name, "measured": tank.share * tank.endless}
         for name, (choice, closure) in chosen.items():
             content = content_of(
-                records.TANK_DENSITY / tank.density, tank.viscosity / tank.density, records.TANK_DIAMETER, choice, closure.law, records.TANK_FALL, 8.0
+                facts.TANK_DENSITY / tank.density, tank.viscosity / tank.density, facts.TANK_DIAMETER, choice, closure.law, facts.TANK_FALL, 8.0
             )
             path = flown(content, closure)
             row[name] = float(-path.speed[path.gap > 0.0].min())
         tanks.append(row)
-    found = {"times": times, "tanks": tanks, "windows": [list(window) for window in WINDOWS[:-1]] + [[WINDOWS[-1][0], None]]}
-    return found if folder is None else found | {"re41": against_record(records.read(folder / records.RE41_FILE), chosen)}
+    case, courses = facts.FALLS[0], {}
+    seen = np.linspace(0.0, 6.0 * case.time, 121)
+    for name, (choice, closure) in chosen.items():
+        time, speed, _ = fallen(case.ratio, case.viscosity, case.diameter, choice, closure, 6.5 * case.time)
+        courses[name] = np.interp(seen, time, speed)
+    found = {
+        "times": times,
+        "tanks": tanks,
+        "courses": {"time": seen, **courses},
+        "windows": [list(window) for window in WINDOWS[:-1]] + [[WINDOWS[-1][0], None]],
+    }
+    return found if folder is None else found | {"re41": against_record(facts.read(folder / facts.RE41_FILE), chosen)}
 
 
 def against_record(points: Floats, chosen: Mapping[str, tuple[Choice, Closure]]) -> list[dict[str, Any]]:
-    """Speeds at Re 41 against the record's: as they are, over the last speed of each, and with the drag that gives the measured last speed."""
+    """Speeds at Re 41 against the record's: as they are, over that of each where the record ends, and with the drag that gives the measured last speed."""
     diameter = 0.5e-3
     unit, time_unit = math.sqrt(GRAVITY * diameter), math.sqrt(diameter / GRAVITY)
-    viscosity = math.sqrt(GRAVITY * diameter**3) / records.RE41_GALILEI
-    case = records.FALLS[0]
+    viscosity = math.sqrt(GRAVITY * diameter**3) / facts.RE41_GALILEI
+    case = facts.FALLS[0]
     fit = case.speed / unit * (1.0 - np.exp(-3.0 * points[:, 0] * time_unit / case.time))
     rows = [{"choice": "the authors' exponential", "last": "as it is", **deviations(points, fit)}]
     for name, (choice, closure) in chosen.items():
-        for how in ("as it is", "speeds over the last one", "drag for the last speed"):
+        for how in ("as it is", "speeds over that at the record's end", "drag for the last speed"):
             own = closure
             if how == "drag for the last speed":
-                own = closure._replace(drag=drag_for(records.RE41_LAST * unit, viscosity, diameter))
-            time, speed, last = fallen(records.RE41_RATIO, viscosity, diameter, choice, own, 1.2 * points[-1, 0] * time_unit)
-            scale = records.RE41_LAST * unit / last if how == "speeds over the last one" else 1.0
-            rows.append({"choice": name, "last": how, **deviations(points, scale * np.interp(points[:, 0] * time_unit, time, speed) / unit)})
+                own = closure._replace(drag=drag_for(facts.RE41_LAST * unit, viscosity, diameter))
+            time, speed, _ = fallen(facts.RE41_RATIO, viscosity, diameter, choice, own, 1.2 * points[-1, 0] * time_unit)
+            seen = np.interp(points[:, 0] * time_unit, time, speed) / unit
+            scale = points[-1, 1] / seen[-1] if how == "speeds over that at the record's end" else 1.0
+            rows.append({"choice": name, "last": how, **deviations(points, scale * seen)})
     return rows
 
 
 def drag_for(speed: float, viscosity: float, diameter: float) -> float:
     """The factor on the drag law with which the sphere of Re 41 settles at a speed: its weight over the law's drag there."""
-    content = content_of(records.RE41_RATIO, viscosity, diameter, Choice(), PLAIN.law, 0.0, 1.0)
+    content = content_of(facts.RE41_RATIO, viscosity, diameter, Choice(), PLAIN.law, 0.0, 1.0)
     numbers = scene_of(content).numbers
-    from saltation.effects.drag import LAWS
-
     slip = speed / numbers.velocity
     return float(numbers.reynolds / (18.0 * slip * LAWS[PLAIN.law].factor(slip * numbers.reynolds)))
 
 
 def deviations(points: Floats, speeds: Floats) -> dict[str, Any]:
-    """rms (√(g d)), and the largest deviation over the measured speed, in all and in windows of time."""
+    """The rms (√(g d)), and the largest deviation over the measured speed, in all and in windows of time."""
     apart = speeds / points[:, 1] - 1.0
     largest = [float(apart[inside][np.argmax(np.abs(apart[inside]))]) for low, high in WINDOWS for inside in [(points[:, 0] >= low) & (points[:, 0] < high)]]
     return {"rms": float(np.sqrt(np.mean((speeds - points[:, 1]) ** 2))), "largest": max(largest, key=abs), "windows": largest}
@@ -498,16 +508,17 @@ def deviations(points: Floats, speeds: Floats) -> dict[str, Any]:
 # Pictures
 
 
-def curves(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Paths (ms, mm) of every choice at its k."""
-    found: dict[str, dict[str, Any]] = {bounce.name: {} for bounce in BOUNCES}
+def curves(rows: Sequence[Mapping[str, Any]], fitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Courses (ms, mm) of every choice at its k, and of the law with a fitted constant of the kernel."""
+    laws = {(choice := Choice(row["rebound"], row["kernel"])).label: (choice, PLAIN, row["k"]) for row in rows}
+    laws["fitted c2"] = (Choice(fitted["rebound"], fitted["kernel"]), Closure(constants=(FIT_POWER, float(fitted["first"]))), float(fitted["k"]))
+    found: dict[str, dict[str, Any]] = {}
     for bounce in BOUNCES:
-        times = np.linspace(-0.01 if bounce is BOUNCES[0] else -0.004, 1.06 * bounce.contacts[-1], 241)
-        found[bounce.name]["time"] = rounded(1e3 * times, 4)
-        for row in rows:
-            choice = Choice(row["rebound"], row["kernel"])
-            path = bounced(bounce, choice, PLAIN, fall(bounce, choice), float(times[-1]), restitution="stokes", stokes_decay=row["k"])
-            found[bounce.name][choice.label] = rounded(1e3 * np.maximum(path.at(times), 0.0), 4)
+        times = np.linspace(-0.06, 1.06, 281) * bounce.contacts[-1]
+        found[bounce.name] = {"time": rounded(1e3 * times, 4)}
+        for name, (choice, closure, k) in laws.items():
+            course = bounced(bounce, choice, closure, fall(bounce, choice, closure), float(times[-1]), restitution="stokes", stokes_decay=k)
+            found[bounce.name][name] = rounded(1e3 * np.maximum(course.at(times), 0.0), 4)
     return found
 
 
@@ -531,7 +542,8 @@ def run(full: bool, records: Path | None = None) -> dict[str, Any]:
         "stability": rounded(stability(points, gaps, values, count, rng)),
         "two_numbers": rounded(pair),
         "settling": rounded(settling(records, float(fitted["first"]))),
-        "curves": curves(together),
+        "curves": curves(together, fitted),
+        "by_k": {choice.label: rounded([apart.total(k) for k in K_SHOWN], 4) for choice, apart in plain.items()} | {"k": K_SHOWN},
         "draws": count,
     }
 
