@@ -222,10 +222,9 @@ def finer(values: Floats, gaps: Floats, steps: int) -> tuple[Floats, Floats]:
 
 
 def draws(count: int, points: int, rng: np.random.Generator) -> Floats:
-    """How often each of the points is drawn, in blocks of neighbours (count, points)."""
-    block = min(BLOCK, points)
-    starts = rng.integers(0, points - block + 1, (count, math.ceil(points / block)))
-    chosen = (starts[:, :, None] + np.arange(block)).reshape(count, -1)[:, :points]
+    """How often each of the points is drawn, in blocks of neighbours, the last beside the first (count, points)."""
+    starts = rng.integers(0, points, (count, math.ceil(points / BLOCK)))
+    chosen = ((starts[:, :, None] + np.arange(BLOCK)) % points).reshape(count, -1)[:, :points]
     return np.array([np.bincount(row, minlength=points) for row in chosen], dtype=np.float64)
 
 
@@ -378,7 +377,7 @@ class Pair(NamedTuple):
 
 def pairs(full: bool) -> list[Pair]:
     """Laws with two free numbers: the restitution at large St and k; and a kernel's constant and k, with the dry restitution as it was measured."""
-    dry, k = (np.arange(0.76, 1.001, 0.02), np.arange(4.0, 27.1, 1.0)) if full else (np.arange(0.76, 1.001, 0.08), np.arange(4.0, 26.1, 2.0))
+    dry, k = (np.arange(0.76, 1.001, 0.02), np.arange(6.0, 25.1, 1.0)) if full else (np.arange(0.76, 1.001, 0.08), np.arange(4.0, 26.1, 2.0))
     c2, near = (np.arange(0.20, 0.451, 0.025), np.arange(10.0, 20.1, 0.5)) if full else (np.array([0.1, 0.2, 0.3, 0.4]), k)
     chosen = [Choice("impulse", kernel) for kernel in ("basset", *KERNELS)] + [Choice()]
     found = [Pair("dry restitution and k", choice, tuple(Closure(dry=float(value)) for value in dry), dry, k) for choice in chosen]
