@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
 import pkgutil
 import shlex
@@ -32,6 +33,11 @@ def suite(name: str) -> ModuleType:
 def question(name: str) -> str:
     """The first line of the suite's docstring."""
     return (suite(name).__doc__ or "").strip().splitlines()[0]
+
+
+def takes_records(name: str) -> bool:
+    """Whether a suite can read measurements from a folder."""
+    return "records" in inspect.signature(suite(name).run).parameters
 
 
 class Listing(click.Command):
@@ -64,8 +70,9 @@ def outdated(file: Path, full: bool) -> bool:
 @click.argument("names", nargs=-1, metavar="[SUITE]...")
 @click.option("--full", is_flag=True, help="Longer runs, all suites, and the comparison with other packages (peers).")
 @click.option("--stale", is_flag=True, help="Only suites that have no file in the output yet, or one that is older than the code.")
+@click.option("--records", metavar="DIR", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Digitised measurements, for the suite measured.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=DATA, help="Where the JSON goes.  [default: reports/data]")
-def main(names: tuple[str, ...], full: bool, stale: bool, output: Path) -> None:
+def main(names: tuple[str, ...], full: bool, stale: bool, records: Path | None, output: Path) -> None:
     """Run suites one after the other; say which, and how long each took."""
     for name in names:
         if name not in FOUND:
@@ -75,7 +82,12 @@ def main(names: tuple[str, ...], full: bool, stale: bool, output: Path) -> None:
     chosen = list(dict.fromkeys(names)) or [name for name in FOUND if full or name not in suites.TOO_LONG]
     if stale:
         chosen = [name for name in chosen if outdated(output / f"{name}.json", full)]
-    command, state = shlex.join(["python", "-m", "bench", *names, *(["--full"] if full else [])]), commit()
+    given = {name: {"records": records} if records and takes_records(name) else {} for name in chosen}
+    if records and not any(given.values()):
+        click.echo("--records is for the suite measured, which is not among those to run", err=True)
+        sys.exit(2)
+    words = ["python", "-m", "bench", *names, *(["--full"] if full else []), *(["--records", "DIR"] if records else [])]  # whose folder is nobody's business
+    command, state = shlex.join(words), commit()
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} suites"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -84,7 +96,7 @@ def main(names: tuple[str, ...], full: bool, stale: bool, output: Path) -> None:
             progress.update(task, description=name)
             progress.console.print(f"[{place}/{len(chosen)}] {name}: {question(name)}")
             start, code = time.perf_counter(), sources.digests(name)
-            result = suite(name).run(full)
+            result = suite(name).run(full, **given[name])
             provenance = measure.provenance(command) | {"commit": state}
             content = {"suite": name, "question": question(name), "full": full, "provenance": provenance, "sources": code, **result}
             measure.write_json(output / f"{name}.json", content)

@@ -10,6 +10,7 @@ TOO_LONG = {
     "choosing_scheme": "thousands of flights",
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains",
+    "measured": "ten thousand short flights",
     "peers": "other packages",
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",
