@@ -325,7 +325,7 @@ def test_small_drops_keep_the_error(drop, viscosity, rtol):
         return saltation.run(
             saltation.Scene.model_validate(
                 {
-                    "effects": FALL + ["history"], "grain": {"diameter": 1e-3}, "fluid": {"viscosity": viscosity},
+                    "effects": [*FALL, "history"], "grain": {"diameter": 1e-3}, "fluid": {"viscosity": viscosity},
                     "bed": {"roughness": "flat", "friction": 0.0, "restitution": 0.9}, "start": {"velocity": [0.0, 0.0, 0.0], "height": 1e-3 * (0.5 + drop)},
                     "run": {"jumps": 3}, "solver": {"rtol": rtol},
                 }
