@@ -9,9 +9,11 @@ import matplotlib.pyplot as plt
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from basset._look import legend as _legend
 from bench import records as facts
-from bench.suites.measured import NEAR, TARGET
+from bench.suites.definitions import crossing
+from bench.suites.measured import NEAR, PLAIN, TARGET
 from reports.site.page import Page, fill, footer, save, table
 from reports.words import Record, listed, of, span
+from saltation.grain import GRAVITY
 
 KERNELS = {"basset": ("Basset", BLUE), "mei_adrian": ("Mei–Adrian", ORANGE), "dorgan_loth": ("Dorgan–Loth", GREEN)}
 FITTED = ("c₂ fitted", BLACK)
@@ -25,14 +27,15 @@ def name_of(row: Record) -> str:
     return f"{row['rebound']}, {KERNELS[row['kernel']][0]}" if row["kernel"] else NONE[0]
 
 
-def label_of(row: Record) -> str:
-    """A choice as the suite calls it."""
-    return f"{row['rebound']}, {row['kernel']}" if row["kernel"] else NONE[0]
+def spelt(label: str) -> str:
+    """A choice as the suite calls it, in words."""
+    rebound, _, kernel = label.partition(", ")
+    return f"{rebound}, {KERNELS[kernel][0]}" if kernel else NONE[0]
 
 
-def percent(share: float, digits: int = 2) -> str:
-    """A share in per cent, so many digits."""
-    return f"{100.0 * share:.{digits}g}".replace("-", "−")
+def percent(share: float) -> str:
+    """A share in per cent, two digits, or whole."""
+    return (f"{100.0 * share:.2g}" if abs(share) < 0.1 else f"{100.0 * share:.0f}").replace("-", "−")
 
 
 def between(values: Any, form: str = "{:.3g}") -> str:
@@ -86,7 +89,7 @@ def joint(data: Record) -> str:
     head = [
         "history at the impact, kernel",
         "k",
-        "95 % over points",
+        "over the points",
         f"of {' / '.join(names)} alone (rms)",
         *(f"{name}: rms, % of the first apex" for name in names),
     ]
@@ -105,13 +108,25 @@ def stability(data: Record) -> str:
         wins, loses = (
             listed([KERNELS[kernel][0] for kernel, held in row[key].items() if not held], "every kernel") for key in ("impulse_wins", "forgetting_loses")
         )
-        first = listed([name.replace("_", " ") for name in row["first"]])
+        first = "; ".join(spelt(name) for name in row["first"])
         told = ["every kernel" if said == "every kernel" else f"not with {said}" for said in (wins, loses)]
         rows.append([row["change"], *told, first, " / ".join(f"{row['k'][f'impulse, {kernel}']:.1f}" for kernel in KERNELS)])
     return table(
         ["what is changed", "impulse fits best with", "reset and none fit worst with", "best three of all", "k of impulse: Basset / Mei–Adrian / Dorgan–Loth"],
         rows,
     )
+
+
+def failing(data: Record, key: str) -> str:
+    """Under which changes and with which kernels something does not hold."""
+    every = [f"{row['change']} with {KERNELS[kernel][0]}'s kernel" for row in changed(data) for kernel, held in row[key].items() if not held]
+    return listed(every, "nowhere")
+
+
+def last_speed(bounce: facts.Bounce, factor: float) -> float:
+    """At which a sphere settles by a multiple of the drag law, m/s: C_D Re² is its weight's number."""
+    number = 4.0 / 3.0 * (bounce.ratio - 1.0) * GRAVITY * bounce.diameter**3 / bounce.viscosity**2
+    return crossing(PLAIN.law, number / factor) * bounce.viscosity / bounce.diameter
 
 
 def held(data: Record, key: str) -> tuple[int, int]:
@@ -141,7 +156,7 @@ def times(data: Record) -> str:
     """Times to 95 % of the last speed, and greatest speeds in a tank."""
     names = laws(data)
     rows = [
-        [row["motion"], f"{1e3 * row['measured']:.0f} ms", *(f"{percent(row[name] / row['measured'] - 1.0):s}" if row[name] else "–" for name in names)]
+        [row["motion"], f"{1e3 * row['measured']:.0f} ms", *(percent(row[name] / row["measured"] - 1.0) if row[name] else "–" for name in names)]
         for row in data["settling"]["times"]
     ]
     rows += [
@@ -196,7 +211,7 @@ def draw_bounces(data: Record) -> Any:
             )
             axes.set_title(f"{motion['name']}: {REBOUNDS[rebound]}")
             axes.set_xlabel("time from the first contact (ms)")
-            axes.set_ylim(bottom=-0.03 * 1e3 * motion["scale"], top=1.35e3 * motion["scale"])
+            axes.set_ylim(bottom=-0.03 * 1e3 * motion["scale"], top=1.5e3 * motion["scale"])
         line[0].set_ylabel("gap under the sphere (mm)")
     _legend(figure, grid[0, 0], 6)
     figure.suptitle("Bounces by one k each, and what was measured (apexes and contacts)")
@@ -224,9 +239,9 @@ def draw_misfit(data: Record) -> Any:
         right.plot(curves["k"], values, style, color=KERNELS[kernel][1], label=f"{rebound}, {KERNELS[kernel][0]}")
     right.plot(curves["k"], [100.0 * value for value in curves["no history"]], "-", color=GREY, label=NONE[0])
     right.axvline(GONDRET, color=BLACK, linestyle=":", linewidth=1.0)
-    right.annotate(" k = 35, published", (GONDRET, 75.0), color=BLACK, fontsize=9)
-    right.set(xlabel="k in e = 0.97 exp(−k/St)", ylabel="rms over both motions (%)", title="By k", ylim=(0.0, 80.0))
-    right.legend(loc="upper center", fontsize=8, ncols=2)
+    right.annotate("published\nk = 35 ", (GONDRET, 2.0), ha="right", color=BLACK, fontsize=9)
+    right.set(xlabel="k in e = 0.97 exp(−k/St)", ylabel="rms over both motions (%)", title="By k", ylim=(0.0, 100.0))
+    right.legend(loc="upper right", fontsize=8, frameon=True, framealpha=1.0, edgecolor="none")
     figure.suptitle("How far each choice is from the measured bounces")
     return figure
 
@@ -239,11 +254,11 @@ def draw_falls(data: Record) -> Any:
     colours = {"no history": GREY, **{kernel: colour for kernel, (_, colour) in KERNELS.items()}, "fitted c2": FITTED[1]}
     time = [1e3 * value for value in courses["time"]]
     for name, words in names.items():
-        axes.plot(time, [1e3 * value for value in courses[name]], ":" if name == "fitted c2" else "-", color=colours[name], label=words)
-    axes.plot(1e3 * row["measured"], 950.0 * row["last"], "o", color=RED, markerfacecolor="white", zorder=5, label="measured: 95 % of the last speed")
-    axes.axhline(1e3 * row["last"], color=RED, linewidth=0.8, linestyle=":")
-    axes.annotate("measured last speed", (time[-1], 1e3 * row["last"]), xytext=(0, -12), textcoords="offset points", ha="right", color=RED, fontsize=9)
-    axes.set(xlabel="time from rest (ms)", ylabel="speed (mm/s)", xlim=(0.0, time[-1]), ylim=(0.0, None))
+        share = [100.0 * value / row["model_last"] for value in courses[name]]
+        axes.plot(time, share, ":" if name == "fitted c2" else "-", color=colours[name], label=words)
+    axes.plot(1e3 * row["measured"], 95.0, "o", color=RED, markerfacecolor="white", zorder=5, label="measured")
+    axes.axhline(95.0, color="#999999", linewidth=0.8, linestyle=":")
+    axes.set(xlabel="time from rest (ms)", ylabel="speed over the last speed (%)", xlim=(0.0, 200.0), ylim=(0.0, 103.0))
     axes.legend(loc="lower right")
     figure.suptitle(f"A glass sphere of 0.5 mm that falls from rest in water, {row['motion']}")
     return figure
@@ -267,6 +282,9 @@ def build(data: dict[str, Record]) -> str:
         wins=wins,
         loses=loses,
         noise=noise,
+        failing=failing(own, "impulse_wins"),
+        settles=[f"{last_speed(facts.ST152, factor):.3f}" for factor in (1.0, 1.1)],
+        struck=f"{facts.ST152.speed:g}",
         variations=len(changed(own)),
         k_basset=f"{by['impulse', 'basset']['k']:.1f}",
         k_finite=span([by["impulse", kernel]["k"] for kernel in ("mei_adrian", "dorgan_loth")], "{:.1f}"),
@@ -286,6 +304,8 @@ def build(data: dict[str, Record]) -> str:
         ruled=percent(min((abs(row["largest"]) for row in ruled), default=float("nan"))),
         nearest=percent(min((abs(row["largest"]) for row in falls if row is not exponential), default=float("nan"))),
         exponential=percent(abs(exponential["largest"])) if exponential else "–",
+        quick=span([100.0 * (1.0 - row["no history"] / row["measured"]) for row in own["settling"]["times"]]),
+        slow=span([row["basset"] / row["measured"] for row in own["settling"]["times"]], "{:.1f}"),
         ruled_times=span([100.0 * (row["dorgan_loth"] / row["measured"] - 1.0) for row in own["settling"]["times"]]),
         motions=motions(own),
         first_flights=first_flights(own),

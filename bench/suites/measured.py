@@ -134,8 +134,8 @@ def fall(bounce: Bounce, choice: Choice, closure: Closure = PLAIN) -> tuple[floa
     end = int(fast[0]) if len(fast) and path.gap[fast[0]] > 0.0 else int(np.flatnonzero(path.gap <= 0.0)[0])
     values, wanted = (-path.speed, bounce.speed) if len(fast) and path.gap[fast[0]] > 0.0 else (-path.gap, 0.0)
     share = (wanted - values[end - 1]) / (values[end] - values[end - 1])
-    time, gap = (column[end - 1] + share * (column[end] - column[end - 1]) for column in (path.time, path.gap))
-    return HIGHEST - float(gap), float(time)
+    time = path.time[end - 1] + share * (path.time[end] - path.time[end - 1])
+    return HIGHEST - float(path.at(np.array([time]))[0]), float(time)
 
 
 def bounced(bounce: Bounce, choice: Choice, closure: Closure, drop: tuple[float, float], until: float, **restitution: Any) -> Course:

@@ -77,20 +77,20 @@ def ballistic(e, times, speed=0.585):
 
 
 def test_the_fit_gets_the_restitution_of_a_noisy_record_back_within_its_interval():
-    rng = np.random.default_rng(5)
-    values = np.arange(0.5, 0.9001, 0.0005)
-    times = np.arange(0.002, 0.08, 0.002)
+    """Intervals from so few blocks hold 86 % of records where they say 95 %, as the page says."""
+    rng = np.random.default_rng(6)
+    values, times, records_made = np.arange(0.6, 0.8001, 0.0005), np.arange(0.002, 0.08, 0.002), 120
+    gaps = ballistic(values, times)
     inside, errors = 0, []
-    for _ in range(40):
-        true = rng.uniform(0.6, 0.8)
+    for true in rng.uniform(0.62, 0.78, records_made):
+        near = np.abs(values - true) < 0.005
         measured = ballistic(true, times) + rng.normal(0.0, suite.DIGITS, len(times))
-        apart = suite.misfit(values, {"St 152": ballistic(values, times)}, {"St 152": measured})
+        apart = suite.misfit(values[near], {"St 152": gaps[near]}, {"St 152": measured})
         low, high = suite.interval([apart.best(weights={"St 152": weights}) for weights in suite.draws(200, len(times), rng)])
         errors.append(apart.best() - true)
         inside += low <= true <= high
-    expected = suite.DIGITS / math.sqrt(((0.585 * times) ** 2).sum())  # of least squares
-    assert np.std(errors) == pytest.approx(expected, rel=0.35)
-    assert inside >= 33  # of an interval from so few blocks, which covers 88 % where it says 95 %
+    assert np.std(errors) == pytest.approx(suite.DIGITS / math.sqrt(((0.585 * times) ** 2).sum()), rel=0.2)  # that of least squares
+    assert 0.8 * records_made <= inside <= 0.97 * records_made
 
 
 def test_one_number_for_all_is_between_those_of_each_and_outweighs_none():
@@ -139,10 +139,10 @@ def test_the_page_is_built_from_the_data_with_and_without_records(data, monkeypa
 
 
 def test_what_the_data_says(data):
-    """The ranking is closed: remembering wins; e and k are those of the first look, within what the reading of a path can change."""
+    """The ranking is closed: forgetting loses, remembering wins but once; e and k are those of the first look, within what the reading of a path can change."""
     own = data["measured"]
     rows = {(row["rebound"], row["kernel"]): row for row in own["joint"]}
-    assert page.held(own, "impulse_wins")[0] == page.held(own, "impulse_wins")[1]
+    assert page.failing(own, "impulse_wins") == "drag + 10 % with Basset's kernel" and page.failing(own, "forgetting_loses") == "nowhere"
     found = {key: rows[key]["k"] for key in (("impulse", "basset"), ("impulse", "mei_adrian"), ("impulse", "dorgan_loth"), (None, None))}
     assert found == pytest.approx({("impulse", "basset"): 11.4, ("impulse", "mei_adrian"): 17.2, ("impulse", "dorgan_loth"): 17.2, (None, None): 27.5}, abs=0.2)
     first = {(row["motion"], row["rebound"], row["kernel"]): row["e"] for row in own["first_flights"]}
