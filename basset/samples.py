@@ -444,7 +444,7 @@ def _columns_of_netcdf(path: Path) -> dict[str, Floats]:
     (dim,) = dims
     own = [name for name in opened.variables if opened[name].dims == (dim,) and opened[name].dtype.kind in "fiu"]
     time = min(own, key=lambda name: (_rank(opened, name), name != dim))
-    found = {}
+    found: dict[str, Floats] = {}
     for name in own:
         attributes = opened[name].attrs
         unit, factor = str(attributes.get("units", "")), 1.0

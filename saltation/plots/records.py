@@ -56,8 +56,9 @@ def comparison(found: Comparison, title: str = "") -> Figure:
 
 
 def said(name: Any, row: dict[Any, Any]) -> str:
-    """A fitted field and its interval."""
-    return f"{name} = {row['value']:.4g}, 95 % interval {row['low']:.4g} to {row['high']:.4g}"
+    """A fitted field and its interval, the wider one."""
+    low, high = min(row["low"], row["blocks_low"]), max(row["high"], row["blocks_high"])
+    return f"{name} = {row['value']:.4g}, 95 % interval {low:.4g} to {high:.4g}"
 
 
 def scaled(most: float, unit: str) -> tuple[float, str]:

@@ -251,7 +251,8 @@ class Problem:
             raise ValueError("give either start or contact: the one follows from the other by the flight of the scene")
         if contact is not None and scene.bed is None:
             raise ValueError("contact is the time at which the grain first meets the bed, and the scene has none: give start, or add a [bed]")
-        self.anchor = float(record.times[0] if start is None and contact is None else start if contact is None else contact)
+        given = start if start is not None else contact
+        self.anchor = float(record.times[0]) if given is None else given
         self.by_contact, self.fall = contact is not None, 0.0
         inside = (record.times >= (self.anchor if start is not None else -math.inf)) & (record.times <= (math.inf if until is None else until))
         self.times = record.times[inside]
@@ -507,7 +508,7 @@ class Problem:
         count = len(self.flown)
         if count < 2:
             return np.linspace(0.0, 1.0, ALONE)[:, None] if count else np.zeros((1, 0))
-        return np.asarray(qmc.Sobol(count, scramble=False).random(TOGETHER * 2 ** (count - 2) + 1)[1:])  # but the corner
+        return np.asarray(qmc.Halton(count, scramble=False).random(TOGETHER * 2 ** (count - 2) + 1)[1:])  # but the corner
 
     def scan(self) -> list[Floats]:
         """The best minima on a grid over the ranges of what is flown, of the clock too."""
@@ -562,7 +563,7 @@ class Problem:
             if not size.all():
                 name = self.names[next(k for k, one in zip(free, size, strict=True) if one == 0.0)]
                 raise FlatError(f"{name} cannot be fitted: the record holds nothing that it changes")
-            scale = math.sqrt(max(off @ off, 1e-30) / max(1, len(off) - len(free)))
+            scale = math.sqrt(max(float(off @ off), 1e-30) / max(1, len(off) - len(free)))
             steps[list(free)] = np.clip(0.5 * scale / size, *STEPS)
             moved = np.zeros(len(free))
             while damping < 1e12:
@@ -756,13 +757,14 @@ def for_time(scene: Scene, length: float) -> Scene:
 def changed(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with these values of fields, "start.velocity.z" being the third number of a field."""
     tables: dict[str, Any] = {}
-    for name, value in values.items():
+    for name, number in values.items():
         path = name.split(".")
-        if len(path) == 3 and path[-1] in AXES and path[-1]:
+        value: float | list[float] = number
+        if len(path) == 3 and path[-1] in tuple(AXES):
             vector = tables.get(path[0], {}).get(path[1]) or value_of(scene, ".".join(path[:2]))
-            if vector is None:
-                raise ValueError(f"{'.'.join(path[:2])} must stand in the scene where one of its components is fitted")
-            value = [value if axis == path[2] else float(one) for axis, one in zip(AXES, vector, strict=True)]  # noqa: PLW2901
+            if not isinstance(vector, list):
+                raise ValueError(f"{'.'.join(path[:2])} must have three numbers in the scene where one of them is fitted, got {_validate.shown(vector)}")
+            value = [number if axis == path[2] else one for axis, one in zip(AXES, vector, strict=True)]
             path = path[:2]
         if len(path) != 2 or not all(path):
             raise ValueError(f"fit must be fields of the scene, as table.field, {CLOCK!r} or {ZERO!r}, got {name!r}")

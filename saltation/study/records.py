@@ -54,7 +54,7 @@ def read_record(record: str | os.PathLike[str] | Mapping[str, Any], names: Seque
         called = "the record"
         if getattr(getattr(record, "index", None), "name", None) is not None:
             record = record.reset_index()  # type: ignore[union-attr]
-        columns = {str(name): _validate.real_array(f"{called}[{name!r}]", record[name]).ravel() for name in record}  # type: ignore[index, union-attr]
+        columns: dict[str, Floats] = {str(name): _validate.real_array(f"{called}[{name!r}]", record[name]).ravel() for name in record}  # type: ignore[index, union-attr]
         if len({len(values) for values in columns.values()}) > 1:
             raise ValueError(f"{called} must have columns of one length, got {[len(values) for values in columns.values()]}")
     else:
