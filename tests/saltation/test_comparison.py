@@ -12,7 +12,7 @@ from scene_cases import flown, linear, merged, scene
 from scipy import stats
 
 import saltation
-from basset import reference, samples
+from basset import reference
 from saltation import cli
 from saltation.plots.records import comparison as drawn
 from saltation.study import comparison, records
