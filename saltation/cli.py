@@ -807,7 +807,8 @@ def print_comparison(out: Console, found: comparison.Comparison) -> None:
     """The misfit of each quantity, the fitted fields, what was held, what to be wary of."""
     shown = Table("quantity", "points", "rms off", "largest", "noise", "unit", box=None)
     for name, row in found.misfit.iterrows():
-        shown.add_row(str(name), str(row["points"]), *(f"{row[key]:.3g}" for key in ("rms", "largest", "noise")), row["unit"])
+        numbers = (f"{row[key]:.3g}" if math.isfinite(row[key]) else "–" for key in ("rms", "largest", "noise"))
+        shown.add_row(str(name), str(row["points"]), *numbers, row["unit"])
     out.print(shown)
     if len(found.fitted):
         out.print()

@@ -42,6 +42,7 @@ CLOSE = 1e-4  # of a standard error: where the refinement stops
 STEPS = (1e-5, 2e-3)  # of a range: differences, at least and at most; flights are good to 1e-5
 CONFIDENCE = 0.95
 SAMPLES = 2000  # of the bootstrap
+FAINTEST = 1e-6  # noise, of the extent of a quantity: flights are no better
 TIED = 1.5  # an interval from blocks that is that much wider than the profile's is told of
 FAR = 2.0  # a misfit that many times the noise is told of
 TRIES = 3  # of a flight that has to last until after a contact
@@ -311,10 +312,10 @@ class Problem:
             return {name: _validate.positive(f"error of {name}", given[name], QUANTITIES[name][0]) for name in self.values}, True
         found = {}
         for name, values in self.values.items():
-            noise, extent = noise_of(self.times, values), float(np.nanmax(values) - np.nanmin(values))
+            noise = noise_of(self.times, values)
             if noise is None and len(self.values) > 1:
                 raise ValueError(f"error must be given, or {name!r} have seven samples or more, from which a noise can be told")
-            found[name] = max(noise or 0.0, 1e-6 * extent, 1e-12) if noise is not None else max(extent, 1e-12)
+            found[name] = 1.0 if noise is None else max(noise, FAINTEST * float(np.nanmax(values) - np.nanmin(values)), 1e-12)
         return found, False
 
     # The fields
@@ -668,7 +669,8 @@ class Problem:
             off = model[name] - values
             points |= {name: values, f"{name}_model": model[name], f"{name}_residual": off, f"{name}_counts": own}
             rms, most = (math.sqrt(float(np.mean(off[own] ** 2))), float(np.abs(off[own]).max())) if own.any() else (math.nan, math.nan)
-            rows.append((name, int(own.sum()), rms, most, self.noise[name] if self.given or len(values) > 6 else math.nan, QUANTITIES[name][0]))
+            known = self.given or noise_of(self.times, values) is not None
+            rows.append((name, int(own.sum()), rms, most, self.noise[name] if known else math.nan, QUANTITIES[name][0]))
         misfit = pd.DataFrame(rows, columns=["quantity", "points", "rms", "largest", "noise", "unit"]).set_index("quantity")
         fitted = self.table(theta, found)
         scene = self.made([float(theta[k]) for k in self.flown])
