@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -14,7 +15,7 @@ import numpy as np
 from basset import _validate
 from basset.kernels import Floats
 
-__all__ = ["SUFFIXES", "read"]
+__all__ = ["SUFFIXES", "columns", "read", "seconds"]
 
 SUFFIXES = (".csv", ".npy", ".nc")
 UNIFORM = 1e-4  # of a step by which times may be off, as they are rounded in files
@@ -92,6 +93,59 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
         coarse = f"; they are rounded by {times.rounding:.2g} s, too much for a step of {step:.2g} s" if times.rounding > COARSE * step > 0.0 else ""
         raise ValueError(f"{str(path)!r} must have uniform, rising times, got {times.values[worst]:.6g} s after the first as time {worst}{coarse}")
     return values, step
+
+
+def columns(path: Path, names: Sequence[str] = ()) -> dict[str, Floats]:
+    r"""Columns (n,) of a table by name, in the file's units, as it has them: .csv with its dialects as for `read`, or .nc (netCDF-3).
+
+    `names` replace those of a .csv, or give them to one without. A cell of a .csv that is empty or says NA is NaN. Of .nc these are the variables along the
+    one dimension of time and their coordinate of time, with their units behind the names: "z (mm)". ValueError, with one sentence, for what is no such file.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "fall.csv"
+    ...     _ = path.write_text("t (ms);z (mm)\n0,0;1,5\n0,5;\n")
+    ...     columns(path)
+    {'t (ms)': array([0. , 0.5]), 'z (mm)': array([1.5, nan])}
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".txt", ".dat", ".tsv", ".nc"):
+        raise ValueError(f"the file must end in .csv, .txt, .dat, .tsv or .nc, got {str(path)!r}")
+    if suffix == ".nc":
+        if names:
+            raise ValueError(f"columns are named for files of text only, got {_validate.shown(list(names))} for {str(path)!r}")
+        return _columns_of_netcdf(path)
+    head, values = _table(path, True, gaps=True)
+    found = list(names) or head
+    if found is None:
+        raise ValueError(
+            f"{str(path)!r} must have names over its columns, or be given some, such as 't (s),z (mm)', got numbers alone in {values.shape[1]} columns"
+        )
+    if len(found) != values.shape[1]:
+        raise ValueError(f"{str(path)!r} has {values.shape[1]} columns, and as many names must be given, got {_validate.shown(found)}")
+    found = [name.strip() or f"column {k + 1}" for k, name in enumerate(found)]
+    for name in found:
+        if found.count(name) > 1:
+            raise ValueError(f"{str(path)!r} must have columns of different names, got {name!r} {found.count(name)} times")
+    return dict(zip(found, values.T, strict=True))
+
+
+def seconds(name: str) -> float | None:
+    """Seconds in the unit of times that stand under this name, as in "time (ms)" or "t_ms", 1 without any; None if it is no name of times.
+
+    ValueError, with one sentence, for a unit that is none of time.
+
+    >>> seconds("time (ms)"), seconds("t"), seconds("height")
+    (0.001, 1.0, None)
+    """
+    if not _is_time(name):
+        return None
+    named = NAME.fullmatch(name.strip())
+    unit = next((found for found in named.groups() if found), "") if named else ""
+    found = _seconds(unit) if unit else 1.0
+    if found is None:
+        raise ValueError(f"times must be in {KNOWN}, got the unit {unit!r} in {name!r}")
+    return found
 
 
 def _evenness(times: Floats) -> tuple[float, Floats]:
@@ -214,8 +268,8 @@ def _is_index(name: str, column: Floats) -> bool:
     return not name.strip() or name.startswith("Unnamed:") or (name.strip() == "index" and counts)
 
 
-def _table(path: Path, timed: bool) -> tuple[list[str] | None, Floats]:
-    """(names or None, numbers) of a text file."""
+def _table(path: Path, timed: bool, gaps: bool = False) -> tuple[list[str] | None, Floats]:
+    """(names or None, numbers) of a text file; `gaps`: what is missing is NaN, instead of refused."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -235,7 +289,7 @@ def _table(path: Path, timed: bool) -> tuple[list[str] | None, Floats]:
     rows: list[list[float]] = []
     for line in lines:
         cells = _split(path, line, separator)
-        row = [number for cell in cells if (number := _number(cell, separator)) is not None]
+        row = [number for cell in cells if (number := _number(cell, separator, gaps)) is not None]
         width = len(rows[0]) if rows else len(cells)
         if len(row) != width or len(cells) != width or (commas and "." in line[1]):
             by = SEPARATORS[separator] if width > 1 else ", ".join(SEPARATORS.values())
@@ -301,8 +355,10 @@ def _split(path: Path, line: tuple[int, str], separator: str) -> list[str]:
         raise ValueError(f"{str(path)!r} must be a table, got {_validate.shown(text)} in row {number}: {error}") from None
 
 
-def _number(cell: str, separator: str) -> float | None:
-    """A cell as a number; where commas do not separate they may be decimal."""
+def _number(cell: str, separator: str, gaps: bool = False) -> float | None:
+    """A cell as a number; where commas do not separate they may be decimal. `gaps`: NaN where one is missing."""
+    if gaps and (not cell.strip() or cell.strip().lower() in GAPS):
+        return np.nan
     try:
         return float(cell if separator == "," else cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
@@ -329,7 +385,8 @@ def _from_npy(path: Path, timed: bool) -> tuple[Times | None, Floats]:
 # netCDF
 
 
-def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times | None, Floats]:
+def _opened(path: Path) -> tuple[Any, Any]:
+    """The dataset in a netCDF-3 file with its fill values taken out, and as it is stored."""
     import xarray
 
     with path.open("rb") as file:  # xarray's own words for a file that is not there are long
@@ -344,6 +401,11 @@ def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times |
             stored = xarray.load_dataset(path, engine="scipy", decode_cf=False)
     except Exception:  # whatever a damaged file leads to
         raise ValueError(f"{str(path)!r} must be a netCDF-3 file") from None
+    return opened, stored
+
+
+def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times | None, Floats]:
+    opened, stored = _opened(path)
     others = [name for name in opened.data_vars if name != variable and _rank(opened, name) < UNIT_ONLY]
     if len(others) < len(opened.data_vars):  # a temperature T may be all there is
         opened = opened.set_coords(others)
@@ -371,6 +433,29 @@ def _from_netcdf(path: Path, variable: str | None, timed: bool) -> tuple[Times |
         times = _times(path, values, _unit(path, str(time.name), None if units is None else str(units)), _stored(time)) if timed else None
     values = np.moveaxis(_present(path, found, stored), found.dims.index(dim), 0).astype(np.float64)
     return times, values.reshape(len(values), int(np.prod(values.shape[1:])))
+
+
+def _columns_of_netcdf(path: Path) -> dict[str, Floats]:
+    """The coordinate of time, in seconds, and what goes along it."""
+    opened, stored = _opened(path)
+    dims = {dim for dim in opened.dims if any(_rank(opened, name) < UNIT_ONLY for name in opened.variables if opened[name].dims == (dim,))}
+    if len(dims) != 1:
+        raise ValueError(f"{str(path)!r} must have one dimension of time, known by a coordinate called t or time, got {_listed(dims) or 'none'}")
+    (dim,) = dims
+    own = [name for name in opened.variables if opened[name].dims == (dim,) and opened[name].dtype.kind in "fiu"]
+    time = min(own, key=lambda name: (_rank(opened, name), name != dim))
+    found: dict[str, Floats] = {}
+    for name in own:
+        attributes = opened[name].attrs
+        unit, factor = str(attributes.get("units", "")), 1.0
+        if "si_factor" in attributes:  # as saltation writes what has the units d and u*
+            unit, factor = str(attributes.get("si_units", "")), float(attributes["si_factor"])
+        values = np.where(_marked(stored[name]), np.nan, opened[name].to_numpy().astype(np.float64))
+        if name == time:
+            found["time (s)"] = values * factor * _unit(path, str(name), unit or None)
+        else:
+            found[f"{name} ({unit})" if unit else str(name)] = values * factor
+    return found
 
 
 UNIT_ONLY = 3  # the weakest sign of time

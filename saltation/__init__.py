@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from saltation.results.files import open_result as open
     from saltation.results.result import Result
     from saltation.scene import Scene, SceneError, load
+    from saltation.study.comparison import compare
     from saltation.study.schemes import select_scheme
 else:
     _places = {
@@ -16,8 +17,9 @@ else:
         "Result": "results.result",
         "open": "results.files:open_result",
         **dict.fromkeys(("Scene", "SceneError", "load"), "scene"),
+        "compare": "study.comparison",
         "select_scheme": "study.schemes",
     }
     __getattr__, __dir__ = face(__name__, globals(), _places)
 
-__all__ = ["Result", "Scene", "SceneError", "campaign", "load", "open", "run", "select_scheme"]
+__all__ = ["Result", "Scene", "SceneError", "campaign", "compare", "load", "open", "run", "select_scheme"]

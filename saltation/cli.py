@@ -1,4 +1,4 @@
-"""The commands `saltation run|check|advise|ablate|uncertainty|scheme|schema|scenes|campaign|plot|warmup`.
+"""The commands `saltation run|check|advise|ablate|uncertainty|scheme|compare|schema|scenes|campaign|plot|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     from basset import _validate, measure
     from saltation import front, statistics
     from saltation.plots import choices as advice_plots
+    from saltation.plots import records as record_plots
     from saltation.plots import schemes as scheme_plots
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
     from saltation.scene.valid import left
-    from saltation.study import campaigns, checks, choices, grains, schemes, thesis
+    from saltation.study import campaigns, checks, choices, comparison, grains, schemes, thesis
     from saltation.study import effects as advice
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
@@ -49,6 +50,7 @@ else:  # the help needs none of them, most commands a few
     Table = Later("rich.table", "Table")
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
     campaigns, checks, choices, schemes = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices", "schemes"))
+    comparison, record_plots = Later("saltation.study.comparison"), Later("saltation.plots.records")
     advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
     advice_plots, scheme_plots = (Later(f"saltation.plots.{name}") for name in ("choices", "schemes"))
     front, statistics = (Later(f"saltation.{name}") for name in ("front", "statistics"))
@@ -315,14 +317,94 @@ def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float 
     print_written(output)
 
 
+@main.command()
+@click.argument("record", type=click.Path(path_type=Path))
+@click.argument("scene")
+@SET
+@click.option("--fit", "fields", multiple=True, metavar="FIELD[=LOW,HIGH]", help="Fit a numeric field of the scene (bed.restitution), `time` or `zero`.")
+@click.option("--columns", metavar="NAMES", help="What the columns of RECORD are, in place of its own names: 't (ms),gap (mm)'.")
+@click.option("--from", "start", type=float, help="The record's time at which the scene starts (s).  [default: its first time]")
+@click.option("--contact", type=float, help="Instead: the record's time of the first contact (s).")
+@click.option("--until", type=float, help="Leave out what is later (s).")
+@click.option("--error", "errors", multiple=True, metavar="[QUANTITY=]SD", help="Standard deviation of the noise (m, m/s).  [default: seen in the record]")
+@click.option("--output", type=click.Path(path_type=Path), help="Record and model (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+def compare(
+    record: Path,
+    scene: str,
+    changes: tuple[str, ...],
+    fields: tuple[str, ...],
+    columns: str | None,
+    start: float | None,
+    contact: float | None,
+    until: float | None,
+    errors: tuple[str, ...],
+    output: Path | None,
+    force: bool,
+) -> None:
+    """Compare RECORD, a measured motion of one grain, with the flight of SCENE, and fit fields of the scene to it, with their intervals.
+
+    RECORD is a table of text or netCDF-3: times, and one or more of x, y, z (of the centre), gap (from the bed to the grain), u, v, w (along,
+    across, up), speed, depth, fall velocity, each under its name, with its unit or in SI. `time` fits by how many seconds the record's
+    clock is late, `zero` how many metres its zero of heights lies below the bed.
+    """
+    if output is not None:
+        check_table_or_picture(output, force)
+    if start is not None and contact is not None:
+        raise Mistake("--from and --contact exclude each other: the one follows from the other by the flight of the scene")
+    made, fit = scene_of(changed(read(scene), changes)), dict(map(range_of, fields))
+    names = [name.strip() for name in columns.split(",")] if columns is not None else []
+    try:
+        with stoppable(None), mistakes_of_files("RECORD"), progress("fitting" if fit else "flying", TimeElapsedColumn()) as report:
+            found = comparison.compare(record, made, fit, columns=names, start=start, contact=contact, until=until, error=noise_of(errors), progress=report)
+    except (TypeError, ValueError) as error:
+        raise Mistake(str(error)) from None
+    if output is not None:
+        with mistakes_of_files("--output"):
+            if output.suffix == ".csv":
+                write(output, found.points.to_csv(index=False))
+            else:
+                draw(record_plots.comparison(found, f"{named(record.name)} and {named(scene)}"), output)
+    print_comparison(console(), found)
+    print_written(output)
+
+
+def range_of(text: str) -> tuple[str, tuple[float, float] | None]:
+    """(field, range or None) of a --fit."""
+    name, equals, ends = text.partition("=")
+    found = values_of(ends)
+    if not name.strip() or (equals and (len(found) != 2 or any(isinstance(end, bool) or not isinstance(end, (int, float)) for end in found))):
+        raise Mistake(f"--fit must be FIELD or FIELD=LOW,HIGH, got {text!r}")
+    return name.strip(), (found[0], found[1]) if equals else None
+
+
+def noise_of(errors: Sequence[str]) -> float | dict[str, float] | None:
+    """What --error says: of all quantities, or of each."""
+    found: dict[str, float] = {}
+    for text in errors:
+        name, _, value = text.rpartition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            raise Mistake(f"--error must be a number or QUANTITY=NUMBER (m or m/s), got {text!r}") from None
+    if "" in found and len(errors) > 1:
+        raise Mistake("--error must be given once, or for each quantity as QUANTITY=NUMBER")
+    return found.get("", found) if found else None
+
+
+def check_table_or_picture(output: Path, force: bool) -> None:
+    """Refuse an output that is neither, or cannot be written."""
+    if output.suffix not in (".csv", ".png", ".pdf", ".svg"):
+        raise Mistake(f"--output must end in .csv, .png, .pdf or .svg, got {str(output)!r}")
+    check_output(output, force)
+
+
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:
     """The scene; mistakes are found before anything is computed."""
     if not 1e-3 <= error <= 0.5:
         raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
     if output is not None:
-        if output.suffix not in (".csv", ".png", ".pdf", ".svg"):
-            raise Mistake(f"--output must end in .csv, .png, .pdf or .svg, got {str(output)!r}")
-        check_output(output, force)
+        check_table_or_picture(output, force)
     return scene_of(changed(read(scene), changes))
 
 
@@ -724,6 +806,32 @@ def print_schemes(out: Console, table: pd.DataFrame) -> None:
         shown.add_row(row["scheme"], row["solver"], *size, f"{100.0 * row['error']:.2g}", f"{row['seconds']:.2g}", f"{row['bytes']:.3g}", note)
     out.print(shown)
     out.print(f"\n{schemes.verdict(table)}\n\nin the scene file:\n{table.attrs['toml']}", soft_wrap=True)
+
+
+def print_comparison(out: Console, found: comparison.Comparison) -> None:
+    """The misfit of each quantity, the fitted fields, what was held, what to be wary of."""
+    shown = Table("quantity", "points", "rms off", "largest", "noise", "unit", box=None)
+    for name, row in found.misfit.iterrows():
+        numbers = (f"{row[key]:.3g}" if math.isfinite(row[key]) else "–" for key in ("rms", "largest", "noise"))
+        shown.add_row(str(name), str(row["points"]), *numbers, row["unit"])
+    out.print(shown)
+    if len(found.fitted):
+        out.print()
+        shown = Table("fitted", "value", "95 % interval", "from blocks of residuals", "searched", "unit", box=None)
+        for name, row in found.fitted.iterrows():
+            pairs = [f"{_within(row, low)} to {_within(row, high)}" for low, high in (("low", "high"), ("blocks_low", "blocks_high"))]
+            shown.add_row(str(name), _within(row, "value"), *pairs, f"{row['least']:.4g} to {row['most']:.4g}", row["unit"])
+        out.print(shown)
+    out.print(f"\nheld: {', '.join(f'{name} = {value}' for name, value in found.held.items())}")
+    for note in found.notes:
+        out.print(f"\nnote: {note}")
+
+
+def _within(row: pd.Series, key: str) -> str:
+    """A number with two digits of its standard error."""
+    value, error = row[key], row["standard_error"]
+    digits = 2 + math.ceil(math.log10(abs(value) / error)) if value and error > 0.0 else 3
+    return f"{value:.{min(max(digits, 1), 9)}g}"
 
 
 def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:

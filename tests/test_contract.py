@@ -17,11 +17,11 @@ LIBRARY = (
     "Daitche.references reference.cosine problems.PROBLEMS measure.interleaved kernels.Kernel "
     "streaming.Plan.start streaming.Plan.push streaming.Plan.value streaming.Plan.tail streaming.Plan.local streaming.Plan.jump streaming.Plan.run"
 )
-SIMULATOR = "load run open campaign Scene.model_validate Result.jumps Result.trajectory Result.save Result.summary Result.to_si select_scheme"
+SIMULATOR = "load run open campaign Scene.model_validate Result.jumps Result.trajectory Result.save Result.summary Result.to_si select_scheme compare"
 SCHEMES = {"semi_derivative", "euler_maclaurin", "brush", "daitche", "hinsberg", "windowed", "exponential"}
 COMMANDS = {
     "basset.cli": "advise compare weights warmup",
-    "saltation.cli": "run check campaign advise ablate uncertainty scheme plot schema scenes warmup",
+    "saltation.cli": "run check campaign advise ablate uncertainty scheme compare plot schema scenes warmup",
 }
 
 

@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scene_cases import linear
 
 import basset.cli
 import bench.__main__
 import saltation.cli
+from basset import reference
 from saltation.scene import shipped
 from saltation.study import campaigns, cases, thesis
 
@@ -82,6 +84,11 @@ def folder(tmp_path_factory):
     (path / "sand.toml").write_text(scene.replace("jumps = 220", "jumps = 5").replace("discard = 20", "discard = 1"), encoding="utf-8")
     t = 0.05 * np.arange(401)
     np.savetxt(path / "samples.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t,rate", comments="")
+    sphere = saltation.load("bouncing")
+    motion = reference.bouncing(*linear(sphere), height=5.0, restitution=0.7, impacts=2)
+    t = np.linspace(0.0, float(motion.end), 40)
+    record = np.column_stack([t * sphere.numbers.time, (motion.height(t) + 1e-3 * np.sin(t**3)) * sphere.grain.diameter])
+    np.savetxt(path / "record.csv", record, delimiter=",", header="t,gap", comments="")
     return path
 
 
