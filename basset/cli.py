@@ -28,7 +28,14 @@ else:  # the help needs none of them
     _validate, advice, comparison, samples = map(Later, ("basset._validate", "basset.advice", "basset.comparison", "basset.samples"))
     exported = Later("basset.exported")
 
-KERNELS = ("basset", "mei_adrian", "dorgan_loth")
+KERNELS = {  # what they need beside the viscosity
+    "basset": (),
+    "mei_adrian": ("slip", "diameter"),
+    "dorgan_loth": ("slip", "diameter"),
+    "slip_sphere": ("slip_length", "diameter"),
+    "bubble": ("diameter",),
+}
+OF_KERNELS = {"slip": "m/s", "slip_length": "m", "diameter": "m"}
 SHOWN = 12  # candidates in a table
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
@@ -57,9 +64,10 @@ def main() -> None:
 def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the memory kernel."""
     options = (
-        click.option("--kernel", default=KERNELS[0], show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
+        click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
         click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
-        click.option("--diameter", type=float, help="Diameter of the particle, m."),
+        click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
+        click.option("--diameter", type=float, help="Diameter of the particle, m; of all but basset."),
         click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
     )
     for option in reversed(options):
@@ -112,7 +120,7 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 @with_kernel
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
     """Rank the schemes by predicted error, time and bytes, and say which one to take."""
-    kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "slip", "diameter", "viscosity")})
+    kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "viscosity", *OF_KERNELS)})
     from basset.weights.table import INPUTS
 
     _validate.choice("input", kind, INPUTS)
@@ -294,18 +302,25 @@ def give(text: str, output: Path | None) -> None:
     click.echo(f"written: {output}")
 
 
-def kernel_of(kernel: str, slip: float | None, diameter: float | None, viscosity: float) -> basset.Kernel:
+def kernel_of(kernel: str, viscosity: float, **given: float | None) -> basset.Kernel:
     """A kernel from its options."""
-    _validate.choice("kernel", kernel, KERNELS)
+    needed = KERNELS[_validate.choice("kernel", kernel, KERNELS)]
+    for name, value in given.items():
+        if value is not None and name not in needed:
+            raise Mistake(f"--{name.replace('_', '-')} has no meaning for --kernel {kernel}")
+    numbers = [value for name in needed if (value := given[name]) is not None]
+    if len(numbers) < len(needed):
+        wanted = " and ".join(f"--{name.replace('_', '-')} ({OF_KERNELS[name]})" for name in needed)
+        raise Mistake(f"{wanted} must be given for --kernel {kernel}")
     if kernel == "basset":
-        for name, value in (("slip", slip), ("diameter", diameter)):
-            if value is not None:
-                raise Mistake(f"--{name} has no meaning for --kernel basset")
         return basset.BassetKernel()
-    if slip is None or diameter is None:
-        raise Mistake(f"--slip (m/s) and --diameter (m) must be given for --kernel {kernel}")
-    make = basset.MeiAdrianKernel if kernel == "mei_adrian" else basset.MeiAdrianKernel.dorgan_loth
-    return make(slip, diameter, viscosity)
+    made: dict[str, Callable[..., basset.Kernel]] = {
+        "mei_adrian": basset.MeiAdrianKernel,
+        "dorgan_loth": basset.MeiAdrianKernel.dorgan_loth,
+        "slip_sphere": basset.SlipSphereKernel,
+        "bubble": basset.BubbleKernel,
+    }
+    return made[kernel](*numbers, viscosity)
 
 
 def rule_of(scheme: str, given: Mapping[str, Any], horizon: float, kernel: basset.Kernel) -> basset.Rule:

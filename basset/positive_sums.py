@@ -23,7 +23,7 @@ ROUNDS = 12
 FEW, MOVES = 30, 20  # so many rates are moved so often
 DAMPED = (1e-14, 1e-10, 1e-7, 1e-4, 1e-2)  # of the largest singular value
 REFINED = (1.0, 0.75, 0.55)  # spacings of the first rounds
-BELOW, ABOVE = 14.0, 4.0  # how far in ln λ the grid reaches beyond 1/far and 1/near
+BELOW = 14.0  # how far in ln λ the grid reaches beyond 1/far
 
 
 class NoSumError(ValueError):
@@ -125,10 +125,11 @@ def search(kernel: Kernel, near: float, far: float, rtol: float) -> Found:
     fit, dense = Samples(kernel, near, far, count), Samples(kernel, near, far, DENSE * count)
     check_shape(kernel, dense)
     slowest, low = fit.slowest(), -math.log(far)
+    high = math.log(math.log(3.0 / rtol)) - math.log(near)  # what decays faster counts before near only, where its weight would be any size
     u: Floats = np.empty(0)
     for k in range(ROUNDS):
         if k < len(REFINED) or k % 2 == 0:
-            grid = np.arange(low - BELOW, -math.log(near) + ABOVE, REFINED[min(k, len(REFINED) - 1)] * spacing)
+            grid = np.arange(low - BELOW, high, REFINED[min(k, len(REFINED) - 1)] * spacing)
             about = np.log(slowest + np.exp(grid)) if slowest * far > 1.0 else np.empty(0)
             u = np.unique(np.concatenate([u, [low - 3.0 * BELOW], grid, about]))  # the first rate is a constant
         u, weights = non_negative(fit, u)
@@ -141,7 +142,7 @@ def search(kernel: Kernel, near: float, far: float, rtol: float) -> Found:
             best.error, best.weights, best.u = error, weights, u
         if error <= MARGIN * rtol:
             break
-        peaks, least = uncovered(fit, u, weights, spacing)
+        peaks, least = uncovered(fit, u, weights, spacing, high)
         best.least = max(best.least, least)
         if best.least > rtol:
             break
@@ -215,8 +216,8 @@ def merged(u: Floats, weights: Floats, apart: float) -> tuple[Floats, Floats]:
     return np.array([u[g] @ weights[g] / weights[g].sum() for g in groups]), np.array([weights[g].sum() for g in groups])
 
 
-def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float) -> tuple[Floats, float]:
-    """Where a further rate would help, as ln λ, and a lower bound of the error of any positive sum.
+def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float, high: float) -> tuple[Floats, float]:
+    """Where a further rate up to e^high would help, as ln λ, and a lower bound of the error of any positive sum.
 
     With the residual r = K − sum and p any positive sum, r·(K − p) ≥ r·K − max(r·atom)·Σ weights, atoms of unit norm; and Σ weights is at most √m times
     the norm of p, that is m if p is near K: all values are in units of K.
@@ -230,7 +231,7 @@ def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float) -> t
         return np.asarray((residual @ atoms) / np.where(norms > 0.0, norms, 1.0))
 
     lags = samples.lags
-    places = np.arange(-math.log(lags[-1]) - 3.0 * BELOW, -math.log(lags[0]) + 2.0 * ABOVE, spacing / 8.0)
+    places = np.arange(-math.log(lags[-1]) - 3.0 * BELOW, high + 6.0, spacing / 8.0)
     places = np.unique(np.concatenate([places, u]))
     places = np.sort(np.concatenate([places, 0.5 * (places[1:] + places[:-1])]))
     gains = gain(places)
@@ -246,4 +247,4 @@ def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float) -> t
         peaks, left, right = fine[row, j], fine[row, j - 1], fine[row, j + 1]
     count, norm = len(lags), float(np.linalg.norm(residual))
     least = (float(residual @ target) - 1.01 * most * count) / (norm * math.sqrt(count))
-    return peaks, least
+    return peaks[peaks < high], least

@@ -16,8 +16,10 @@ NEAR, FAR = 2e-3, 0.4
 KERNELS = {
     "basset": ((), basset.BassetKernel()),
     "mei_adrian": (("--kernel", "mei_adrian", "--slip", 0.01, "--diameter", 1e-3), basset.MeiAdrianKernel(0.01, 1e-3, 1e-6)),
+    "bubble": (("--kernel", "bubble", "--diameter", 1e-3), basset.BubbleKernel(1e-3, 1e-6)),
+    "slip_sphere": (("--kernel", "slip_sphere", "--slip-length", 5e-5, "--diameter", 1e-3), basset.SlipSphereKernel(5e-5, 1e-3, 1e-6)),
 }
-CASES = [("basset", 1, 1e-3), ("basset", 3, 1e-6), ("basset", 10, 1e-12), ("mei_adrian", 2, 1e-9)]
+CASES = [("bubble", 3, 1e-6), ("slip_sphere", 2, 1e-4), ("basset", 1, 1e-3), ("basset", 3, 1e-6), ("basset", 10, 1e-12), ("mei_adrian", 2, 1e-9)]
 
 C_STREAM = """
 #include <stdio.h>
@@ -185,6 +187,9 @@ def test_the_recursion_in_json_is_the_stream():
         "range": (("sum", "--near", 9, "--far", 1, "--rtol", 0.1), "far must be greater than near = 9 (seconds), got 1"),
         "steps": (("sum", "--near", 1, "--far", 1.5, "--rtol", 0.1), "far must be greater than 2.5 seconds for steps of near/2, got 1.5"),
         "order": (("sum", "--near", 1, "--far", 9, "--rtol", 0.1, "--order", 11), "order must be a whole number from 1 to 10, got 11"),
+        "kernel": (("sum", "--near", 1, "--far", 9, "--rtol", 0.1, "--kernel", "bubbel"), "did you mean 'bubble'?"),
+        "needs": (("sum", "--near", 1, "--far", 9, "--rtol", 0.1, "--kernel", "slip_sphere", "--diameter", 1), "--slip-length (m) and --diameter (m) must be"),
+        "bubble": (("sum", "--near", 1, "--far", 9, "--rtol", 0.1, "--kernel", "bubble", "--slip", 1), "--slip has no meaning for --kernel bubble"),
         "accuracy": (("sum", "--near", 1, "--far", 9, "--rtol", 1e-20), "rtol must be at least"),
     }.values(),
 )  # fmt: skip

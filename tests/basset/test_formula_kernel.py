@@ -9,7 +9,8 @@ import pytest
 from scipy.special import wofz
 
 import basset
-from basset.formula import BubbleKernel, FormulaKernel, SlipSphereKernel, slope
+from basset import BubbleKernel, FormulaKernel, SlipSphereKernel
+from basset.formula import slope
 from basset.positive_sums import NoSumError, positive_sum
 
 BUBBLE = BubbleKernel(diameter=1e-3, viscosity=1e-6)
@@ -176,6 +177,21 @@ def test_the_integral_of_a_constant_and_of_a_wave(kernel):
 
 
 @pytest.mark.parametrize("kernel", [*SHIPPED.values(), LIKE_MEI], ids=[*SHIPPED, "formula"])
+def test_streams_of_constant_memory(kernel):
+    dt, n = 0.01, 600
+    rates = np.cos(dt * np.arange(n + 1))
+    expected = basset.cumulate(rates, dt, basset.Daitche(8), kernel=kernel, initial_slip=2.0)[1:]
+    tail = basset.ExponentialSum.fit(0.2, 2.0 * dt * n, 1e-12, kernel)
+    for rule in (basset.Exponential(8, 1e-12), basset.Windowed(basset.Daitche(8), 0.4, tail)):
+        plan = rule.plan(dt, dt * n, kernel)
+        state = plan.start()
+        plan.push(state, rates[0])
+        plan.jump(state, 2.0)
+        assert np.abs(plan.run(state, rates[1:]) - expected).max() < 1e-11 * np.abs(expected).max()
+    assert len(plan.rates) == len(tail) < 60
+
+
+@pytest.mark.parametrize("kernel", [*SHIPPED.values(), LIKE_MEI], ids=[*SHIPPED, "formula"])
 def test_streams_and_jumps(kernel):
     dt, n = 0.05, 60
     rates = np.cos(dt * np.arange(n + 1))
@@ -229,6 +245,42 @@ def test_fixed_steps_converge_to_the_closed_form(kernel):
     assert errors[1] < errors[0] / 4.0**0.7 and errors[1] < 0.02
 
 
+@pytest.mark.parametrize("kernel", SHIPPED.values(), ids=SHIPPED)
+def test_collocation_follows_the_closed_form_to_ten_digits(kernel):
+    r = basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, kernel=kernel, method=basset.Collocation(rtol=1e-11))
+    assert r.status == 0 and np.abs(r.y[0] - relaxing(kernel, r.t, 1.0, 0.6)).max() < 2e-11
+
+
+@pytest.mark.parametrize("kernel", SHIPPED.values(), ids=SHIPPED)
+def test_collocation_takes_jumps(kernel):
+    """Thrown up by 1.5 at every fall to 1/2: y = R(t) + Σ 1.5 R(t − t_j), R the response."""
+
+    def low(t, y):
+        return y[0] - 0.5
+
+    low.direction, low.jump = -1.0, lambda t, y: y + 1.5
+    r = basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, kernel=kernel, method=basset.Collocation(rtol=1e-10), events=low)
+    jumps = r.t_events[0]
+    after = np.maximum(4.0 - jumps, 0.0)
+    assert len(jumps) >= 2
+    assert abs(r.y[0, -1] - relaxing(kernel, 4.0, 1.0, 0.6) - 1.5 * relaxing(kernel, after, 1.0, 0.6).sum()) < 1e-9
+
+
+def test_collocation_with_a_formula_is_that_of_the_kernel():
+    ends = [basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, kernel=k, method=basset.Collocation(rtol=1e-9)).y[0, -1] for k in (MEI, LIKE_MEI)]
+    assert abs(ends[0] - ends[1]) < 1e-10
+
+
+def test_what_needs_a_sum_is_refused_without_one():
+    gauss = NOT_MONOTONE["Gauss"][0]
+    with pytest.raises(ValueError, match=r"kernel must be completely monotone for a sum of exponentials.*FixedStep with these need no sum"):
+        basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, kernel=gauss, method=basset.Collocation(rtol=1e-3))
+    with pytest.raises(ValueError, match="kernel must be completely monotone"):
+        basset.Exponential(3, 1e-6).plan(0.1, 4.0, gauss)
+    r = basset.solve(lambda t, y: -y, (0.0, 4.0), [1.0], coefficient=0.6, kernel=gauss, method=basset.FixedStep(0.05, basset.Daitche(2)))
+    assert r.status == 0 and 0.0 < r.y[0, -1] < math.exp(-2.0)
+
+
 # sums of exponentials
 
 COMPLETELY_MONOTONE = {
@@ -249,6 +301,7 @@ def test_a_fitted_sum_keeps_its_promise(kernel, near, far, rtol):
     lags = np.concatenate([[near], lags, [far]])
     values = kernel(lags)
     assert (np.abs(made(lags) - values) <= rtol * np.maximum(values, 1e-16 * values[0])).all()
+    assert made(0.0) < 40.0 * kernel(near)  # nothing is hidden before near
     assert len(made) <= 2.5 * math.log(2.7 / rtol) * math.log(4.0 * far / near) / math.pi**2 + 4  # 2.5 times what s^(−1/2) needs at least
 
 
