@@ -1,6 +1,6 @@
 """The Basset history force: quadrature, streams and solvers to a chosen accuracy.
 
-H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that behave as s^(-1/2) at short lags.
+H(t) = f(t_0) K(t − t_0) + ∫ K(t − τ) f'(τ) dτ, for kernels K(s) that behave as s^(-1/2) at short lags, or are bounded.
 """
 
 __version__ = "0.1.0"
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from basset.advice import Advice, Candidate, advise
     from basset.evaluate import cumulate, integrate
     from basset.exponentials import ExponentialSum
+    from basset.formula import BubbleKernel, FormulaKernel, SlipSphereKernel
     from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel, VaryingSlipKernel
     from basset.quadrature import (
         SCHEMES,
@@ -33,6 +34,7 @@ else:
         **dict.fromkeys(("Advice", "Candidate", "advise"), "advice"),
         **dict.fromkeys(("cumulate", "integrate"), "evaluate"),
         "ExponentialSum": "exponentials",
+        **dict.fromkeys(("BubbleKernel", "FormulaKernel", "SlipSphereKernel"), "formula"),
         **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel", "VaryingSlipKernel"), "kernels"),
         **dict.fromkeys(("SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "NewtonCotes", "Rule"), "quadrature"),
         **dict.fromkeys(("SemiDerivative", "UnknownSchemeError", "Windowed"), "quadrature"),
@@ -45,6 +47,7 @@ __all__ = [
     "Advice",
     "BassetKernel",
     "Brush",
+    "BubbleKernel",
     "Candidate",
     "Collocation",
     "Daitche",
@@ -52,6 +55,7 @@ __all__ = [
     "Exponential",
     "ExponentialSum",
     "FixedStep",
+    "FormulaKernel",
     "Hinsberg",
     "Kernel",
     "MeiAdrianKernel",
@@ -59,6 +63,7 @@ __all__ = [
     "Rule",
     "RungeKutta4",
     "SemiDerivative",
+    "SlipSphereKernel",
     "UnknownSchemeError",
     "VaryingSlipKernel",
     "Windowed",

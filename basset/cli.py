@@ -1,12 +1,10 @@
-"""The commands `basset advise|compare|weights|warmup`.
+"""The commands `basset advise|compare|weights|sum|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,13 +21,21 @@ from basset._lazy import Later
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from basset import _validate, advice, comparison, samples
+    from basset import _validate, advice, comparison, exported, samples
     from basset.advice import Advice
 else:  # the help needs none of them
     Table = Later("rich.table", "Table")
     _validate, advice, comparison, samples = map(Later, ("basset._validate", "basset.advice", "basset.comparison", "basset.samples"))
+    exported = Later("basset.exported")
 
-KERNELS = ("basset", "mei_adrian", "dorgan_loth")
+KERNELS = {  # what they need beside the viscosity
+    "basset": (),
+    "mei_adrian": ("slip", "diameter"),
+    "dorgan_loth": ("slip", "diameter"),
+    "slip_sphere": ("slip_length", "diameter"),
+    "bubble": ("diameter",),
+}
+OF_KERNELS = {"slip": "m/s", "slip_length": "m", "diameter": "m"}
 SHOWN = 12  # candidates in a table
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
@@ -58,14 +64,31 @@ def main() -> None:
 def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the memory kernel."""
     options = (
-        click.option("--kernel", default=KERNELS[0], show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
+        click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
         click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
-        click.option("--diameter", type=float, help="Diameter of the particle, m."),
+        click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
+        click.option("--diameter", type=float, help="Diameter of the particle, m; of all but basset."),
         click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
     )
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def with_format(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options that say how numbers are written, and where."""
+
+    def added(command: Callable[..., Any]) -> Callable[..., Any]:
+        options = (
+            click.option("--format", "form", default=default, show_default=True, help="table, csv, json, c (a C99 header) or fortran (a 2008 module)."),
+            click.option("--output", type=click.Path(path_type=Path), help="A file instead of the screen."),
+            click.option("--force", is_flag=True, help="Overwrite the output."),
+        )
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return added
 
 
 def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -97,7 +120,7 @@ def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
 @with_kernel
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
     """Rank the schemes by predicted error, time and bytes, and say which one to take."""
-    kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "slip", "diameter", "viscosity")})
+    kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "viscosity", *OF_KERNELS)})
     from basset.weights.table import INPUTS
 
     _validate.choice("input", kind, INPUTS)
@@ -165,7 +188,7 @@ def compare(
         with mistakes_of_files("--output"):
             if output.suffix == ".csv":
                 head = ("scheme", "steps", "dt", "error", "seconds")
-                write(output, csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
+                write(output, exported.csv_text(head, [[repr(row.rule), row.steps, row.dt, row.error, row.seconds] for row in records]))
             else:
                 draw(comparison.drawn(records, chosen.uncertainty, subject), output)
     out = console()
@@ -213,27 +236,41 @@ def known(ctx: click.Context, parameter: click.Parameter, scheme: str) -> str:
 @click.option("--window", type=float, help="Memory time in seconds: hinsberg, windowed.")
 @click.option("--input", "kind", default="rate", show_default=True, help="What the weights act on: rate or slip.")
 @with_kernel
-@click.option("--output", type=click.Path(path_type=Path), help="A CSV file instead of the screen.")
-@click.option("--force", is_flag=True, help="Overwrite the output.")
+@with_format("csv")
 def weights(
-    scheme: str, steps: int, dt: float, order: int | None, rtol: float | None, window: float | None, kind: str, output: Path | None, force: bool, **options: Any
+    scheme: str,
+    steps: int,
+    dt: float,
+    order: int | None,
+    rtol: float | None,
+    window: float | None,
+    kind: str,
+    form: str,
+    output: Path | None,
+    force: bool,
+    **options: Any,
 ) -> None:
-    """The weights w of SCHEME, newest first: H(t_n) ≈ Σ w[j] g(t_n − j dt), as CSV."""
-    if output is not None:
-        check_output(output, force)
+    """The weights w of SCHEME, newest first: H(t_n) ≈ Σ w[j] g(t_n − j dt); also as C or Fortran, with a worked example."""
+    checked_form(form, output, force)
     kernel = kernel_of(**options)
     given = {name: value for name, value in (("order", order), ("rtol", rtol), ("window", window)) if value is not None}
     rule = rule_of(scheme, given, steps * dt, kernel)
     if not 1 <= steps <= MOST_STEPS:
         raise Mistake(f"--steps must be a whole number between 1 and {MOST_STEPS:,}, got {steps}".replace(",", " ", 2))
-    found = rule.weights(steps, dt, kernel, kind)
-    text = csv_text(("j", "weight"), [[j, weight] for j, weight in enumerate(found)])
-    if output is None:
-        click.echo(text, nl=False)
-        return
-    with mistakes_of_files("--output"):
-        write(output, text)
-    click.echo(f"written: {output}")
+    give(exported.weights_text(rule, steps, dt, kernel, kind, form), output)
+
+
+@main.command("sum")
+@click.option("--near", type=float, required=True, help="Shortest lag of the sum, seconds.")
+@click.option("--far", type=float, required=True, help="Longest lag, seconds: as long as is remembered.")
+@click.option("--rtol", type=float, required=True, help="Largest relative error of the sum between them.")
+@click.option("--order", type=int, default=3, show_default=True, help="Degree p of the recursion's polynomials, 1 to 10; it steps by near/(p//2 + 1).")
+@with_kernel
+@with_format("table")
+def exponential_sum(near: float, far: float, rtol: float, order: int, form: str, output: Path | None, force: bool, **options: Any) -> None:
+    """The kernel as a sum of exponentials, with its promise, the recursion that uses it and a worked example; for other programs as C or Fortran."""
+    checked_form(form, output, force)
+    give(exported.sum_text(basset.ExponentialSum.fit(near, far, rtol, kernel_of(**options)), order, form), output)
 
 
 @main.command()
@@ -248,18 +285,42 @@ def warmup() -> None:
 # What commands share
 
 
-def kernel_of(kernel: str, slip: float | None, diameter: float | None, viscosity: float) -> basset.Kernel:
+def checked_form(form: str, output: Path | None, force: bool) -> None:
+    """Refuse what cannot be written."""
+    _validate.choice("--format", form, exported.FORMATS)
+    if output is not None:
+        check_output(output, force)
+
+
+def give(text: str, output: Path | None) -> None:
+    """Print a text, or write it."""
+    if output is None:
+        click.echo(text, nl=False)
+        return
+    with mistakes_of_files("--output"):
+        write(output, text)
+    click.echo(f"written: {output}")
+
+
+def kernel_of(kernel: str, viscosity: float, **given: float | None) -> basset.Kernel:
     """A kernel from its options."""
-    _validate.choice("kernel", kernel, KERNELS)
+    needed = KERNELS[_validate.choice("kernel", kernel, KERNELS)]
+    for name, value in given.items():
+        if value is not None and name not in needed:
+            raise Mistake(f"--{name.replace('_', '-')} has no meaning for --kernel {kernel}")
+    numbers = [value for name in needed if (value := given[name]) is not None]
+    if len(numbers) < len(needed):
+        wanted = " and ".join(f"--{name.replace('_', '-')} ({OF_KERNELS[name]})" for name in needed)
+        raise Mistake(f"{wanted} must be given for --kernel {kernel}")
     if kernel == "basset":
-        for name, value in (("slip", slip), ("diameter", diameter)):
-            if value is not None:
-                raise Mistake(f"--{name} has no meaning for --kernel basset")
         return basset.BassetKernel()
-    if slip is None or diameter is None:
-        raise Mistake(f"--slip (m/s) and --diameter (m) must be given for --kernel {kernel}")
-    make = basset.MeiAdrianKernel if kernel == "mei_adrian" else basset.MeiAdrianKernel.dorgan_loth
-    return make(slip, diameter, viscosity)
+    made: dict[str, Callable[..., basset.Kernel]] = {
+        "mei_adrian": basset.MeiAdrianKernel,
+        "dorgan_loth": basset.MeiAdrianKernel.dorgan_loth,
+        "slip_sphere": basset.SlipSphereKernel,
+        "bubble": basset.BubbleKernel,
+    }
+    return made[kernel](*numbers, viscosity)
 
 
 def rule_of(scheme: str, given: Mapping[str, Any], horizon: float, kernel: basset.Kernel) -> basset.Rule:
@@ -276,15 +337,6 @@ def rule_of(scheme: str, given: Mapping[str, Any], horizon: float, kernel: basse
     window = _validate.positive("window", given["window"], "seconds")
     tail = basset.ExponentialSum.fit(0.5 * window, max(horizon, window) * 1.01, given["rtol"], kernel) if "rtol" in given else None
     return basset.Windowed(basset.Daitche(given.get("order", 3)), window, tail)
-
-
-def csv_text(head: tuple[str, ...], rows: list[list[Any]]) -> str:
-    """Rows as CSV, numbers with all their digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows([[repr(float(cell)) if isinstance(cell, float) else cell for cell in row] for row in rows])
-    return text.getvalue()
 
 
 __all__ = ["main"]

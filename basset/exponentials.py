@@ -3,7 +3,7 @@
 K(s) ≈ Σ a_i exp(−λ_i s) on [near, far], all a_i and λ_i positive. The fitted sums are minimax sums: no other sum with as
 many terms has a smaller maximum relative error. For the homogeneous kernel only far/near matters, so one table, made by
 `bench/tables/minimax_sums.py`, serves every window and horizon; its law is error ≈ 2.7 exp(−π² n / ln(4 far/near)). The
-finite-Reynolds kernels are self-similar in x = C^(2/3) s and have tables over (x_near, x_far).
+finite-Reynolds kernels are self-similar in x = C^(2/3) s and have tables over (x_near, x_far). Other kernels: `basset.positive_sums`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, checked_lags
+from basset.positive_sums import positive_sum
 
 _SLACK = 1.0 + 1e-9  # rounding of near, far and their ratio
 
@@ -188,7 +189,8 @@ class ExponentialSum:
         rtol : float, dimensionless
             1e-14 to below 1. Tabulated in quarter decades, so at most one term more than the least possible.
         kernel : Kernel
-            The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5.
+            The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5: from tables. Others are fitted here, with 1.2 to 2 times the least possible
+            terms, if they are completely monotone; rtol is then that of max(K(s), 1e-16 K(near)).
 
         Returns
         -------
@@ -197,7 +199,7 @@ class ExponentialSum:
         Raises
         ------
         ValueError, TypeError
-            If no tabulated sum keeps the promise (the message says which accuracy can be had), or a parameter is of the wrong kind.
+            If no sum keeps the promise (the message says which accuracy can be had, or that the kernel has none), or a parameter is of the wrong kind.
 
         References
         ----------
@@ -215,8 +217,10 @@ class ExponentialSum:
         elif isinstance(kernel, (BassetKernel, MeiAdrianKernel)):
             stretch, table = 1.0 / far, _basset_table()
             covers = table.near <= near / far * _SLACK
+        elif isinstance(kernel, Kernel):
+            return cls(*positive_sum(kernel, near, far, rtol), near, far, kernel, rtol)
         else:
-            raise TypeError(f"kernel must be a kernel with tabulated sums (Basset, Mei–Adrian), got {_validate.shown(kernel)}")
+            raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
         kept = covers & (table.error <= rtol)
         if not kept.any():
             if not covers.any():

@@ -47,7 +47,7 @@ def checked_lags(s: ArrayLike) -> Floats:
 
 
 class Kernel(abc.ABC):
-    """A memory kernel K(s), s > 0 in seconds; K(s) ~ s^(-1/2) as s → 0.
+    """A memory kernel K(s), s > 0 in seconds; K(s) ~ s^(-1/2) as s → 0, or bounded.
 
     Subclasses are frozen dataclasses: hashable, comparable, picklable. Their parameters are checked on creation.
 
