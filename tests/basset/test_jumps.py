@@ -67,7 +67,7 @@ class PiecewisePolynomials:
 class TestImpulsesAreTheKernel:
     """With a constant slip in between, H is Σ Δ K exactly: to rounding where the kernel is exact, to rtol·|Δ|K beyond a window."""
 
-    AGES = (0.0, 0.37, 1e-3, 2.0, float(WINDOW), WINDOW + 0.5)  # in steps: at, on and between nodes, long ago
+    AGES = (0.0, 0.37, 1e-3, 1.0, 2.0, float(WINDOW), WINDOW + 0.5)  # in steps: at, on and between nodes, long ago
 
     @with_kernels(STREAMS)
     @each("age", AGES)
