@@ -33,12 +33,16 @@ def direct_weights(n: int, degree: int, kernel: basset.Kernel, dt: float, window
     degree = min(degree, n)
     x, w = gauss_legendre(64)
     result = np.zeros(n + 1)
+    polynomials: dict[int, np.ndarray] = {}  # of samples that lie alike around a panel
     for k in range(n):
         near, share = (x**10, 10.0 * x**9 * w) if k == 0 else (x, w)  # x^10: smooth for every kernel here at zero lag
         lag = (k + near) * dt
         values = kernel(lag) if window is None or k < window else tail(lag)
         start = min(max(k - degree // 2, 0), n - degree)
-        result[start : start + degree + 1] += dt * (share * values) @ lagrange(np.arange(degree + 1.0), k + near - start)[0]
+        place = k - start if k else -1  # the first panel has nodes of its own
+        if place not in polynomials:
+            polynomials[place] = lagrange(np.arange(degree + 1.0), k + near - start)[0]
+        result[start : start + degree + 1] += dt * (share * values) @ polynomials[place]
     return result
 
 
