@@ -93,7 +93,7 @@ def test_nothing_is_loaded_that_is_not_needed(words):
 )
 def test_an_import_at_the_top_is_found_and_its_place_named(tmp_path, file, line, words):
     for package in ("basset", "saltation"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, tmp_path / package)  # with its bytecode
     source = tmp_path / file
     source.write_text(
         source.read_text(encoding="utf-8").replace("\nimport ", f"\n{line}\nimport ", 1).replace("\nfrom typing", f"\n{line}\nfrom typing", 1), encoding="utf-8"

@@ -99,7 +99,6 @@ def test_without_encounters_each_flies_as_if_alone():
         (simulation, "SLICE", 45),
         (simulation, "SLICE", 10**9),
         (simulation, "PART", 45),
-        (simulation, "PART", PIECE),
         (cloud, "BUFFER", 7),
     ],
 )
