@@ -7,6 +7,7 @@ import gc
 import os
 import sys
 
+import pytest
 from hypothesis import settings
 
 # a hundred processes are started here: where bytecode is not kept, each of them compiles the sources of pandas, SciPy and numba anew
@@ -18,12 +19,21 @@ settings.register_profile("sweep", max_examples=1000, deadline=None)
 settings.load_profile("repeatable")
 
 
+@pytest.fixture
+def coarse(monkeypatch):
+    """Bitmaps of few dots, for pages that are built to be read here."""
+    from matplotlib.figure import Figure
+
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *names, **options: save(figure, *names, **options | ({"dpi": 20} if "dpi" in options else {})))
+
+
 def pytest_collection_modifyitems(items):
     """The simulator's tests first: they are the longest, and what they compile is not what the others compile."""
     items.sort(key=lambda item: "saltation" not in item.nodeid)
 
 
 def pytest_collection_finish():
-    """Fifteen thousand tests stay to the end: the collector of garbage need not look through them again and again."""
+    """Ten thousand tests stay to the end: the collector of garbage need not look through them again and again."""
     gc.collect()
     gc.freeze()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-import pytest
+from all_cases import each
 from click.testing import CliRunner
 
 import basset
@@ -25,9 +25,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("package", "name"), [*((basset, name) for name in LIBRARY.split()), *((saltation, name) for name in SIMULATOR.split())], ids=lambda value: str(value)[-40:]
-)
+@each("package, name", [*((basset, name) for name in LIBRARY.split()), *((saltation, name) for name in SIMULATOR.split())])
 def test_a_name_is_there(package, name):
     first, *parts = name.split(".")
     thing = getattr(package, first, None) or importlib.import_module(f"{package.__name__}.{first}")
@@ -40,7 +38,7 @@ def test_schemes_keep_their_names():
     assert set(basset.SCHEMES) >= SCHEMES
 
 
-@pytest.mark.parametrize("module", COMMANDS)
+@each("module", COMMANDS)
 def test_commands_are_known(module):
     said = CliRunner().invoke(importlib.import_module(module).main, ["--help"]).output
     assert [name for name in COMMANDS[module].split() if f"  {name} " not in said] == []

@@ -11,13 +11,14 @@ import inspect
 import pkgutil
 import re
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import pydantic
 import pytest
+from all_cases import each
 
 from basset.kernels import Floats
 from saltation.bed import rebound
@@ -136,10 +137,6 @@ def has_unit(text: str) -> bool:
     return UNIT.search(re.sub(LISTED, "", text)) is not None
 
 
-def over(names: list[Name]) -> Callable[[Any], Any]:
-    return pytest.mark.parametrize("name", names, ids=[name.path for name in names])
-
-
 def arguments(name: Name) -> dict[str, str]:
     """Parameter -> annotation, as written; the fields of a class that says so itself (tables of a scene describe each field)."""
     if name.thing in PROTOCOLS or (inspect.isclass(name.thing) and issubclass(name.thing, (pydantic.BaseModel, BaseException))):
@@ -175,13 +172,13 @@ def test_the_names_of_the_packages_are_among_them():
     assert len(FACE) > 80 and len(NAMES) > 300
 
 
-@over(NAMES)
+@each("name", NAMES)
 def test_says_what_it_is(name):
     assert name.docs[0].strip()
     assert not name.docs[0].startswith(f"{name.thing.__name__}(" if not isinstance(name.thing, PROPERTIES) else "(property)")  # a dataclass's own
 
 
-@over(CALLABLES)
+@each("name", CALLABLES)
 def test_every_parameter_is_documented_with_its_shape_and_unit(name):
     sections = name.sections
     given = arguments(name)
@@ -193,7 +190,7 @@ def test_every_parameter_is_documented_with_its_shape_and_unit(name):
     assert [each for each, kind in given.items() if ARRAY.search(kind) and not SHAPE.search(told[each])] == []
 
 
-@over([name for name in CALLABLES if not inspect.isclass(name.thing)])
+@each("name", [name for name in CALLABLES if not inspect.isclass(name.thing)])
 def test_what_comes_back_is_documented_with_its_shape_and_unit(name):
     kind = str(inspect.signature(name.thing).return_annotation)
     if kind == "None":
@@ -205,19 +202,19 @@ def test_what_comes_back_is_documented_with_its_shape_and_unit(name):
     assert not ARRAY.search(f"{kind} {told.splitlines()[0]}") or SHAPE.search(told)
 
 
-@over([name for name in FACE if isinstance(name.thing, PROPERTIES)])
+@each("name", [name for name in FACE if isinstance(name.thing, PROPERTIES)])
 def test_a_property_has_its_unit(name):
     kind = str(inspect.signature(getter(name.thing)).return_annotation)
     assert not NUMBER.search(kind) or has_unit("\n".join(name.docs))
 
 
-@over(FACE)
+@each("name", FACE)
 def test_errors_are_documented(name):
     told = name.sections.get("Raises", "")
     assert sorted(error for error in raised(name) if error not in told) == []
 
 
-@over(CALLABLES)
+@each("name", CALLABLES)
 def test_has_an_example(name):
     if name.owner is None:
         assert ">>>" in name.docs[0]
@@ -230,14 +227,14 @@ def test_has_an_example(name):
     )
 
 
-@over(NAMES)
+@each("name", NAMES)
 def test_a_formula_has_a_source(name):
     if FORMULA.search(name.docs[0]):
         around = [*name.docs, inspect.getdoc(name.owner) or "" if name.owner else "", name.module.__doc__ or ""]
         assert any(SOURCE.search(text) for text in around)
 
 
-@over([name for name in NAMES if inspect.isclass(name.thing) and issubclass(name.thing, pydantic.BaseModel)])
+@each("name", [name for name in NAMES if inspect.isclass(name.thing) and issubclass(name.thing, pydantic.BaseModel)])
 def test_every_field_of_a_scene_is_described_with_its_unit(name):
     own = [each for each in vars(name.thing).get("__annotations__", {}) if each in name.thing.model_fields]
     told = {each: name.thing.model_fields[each].description or "" for each in own}
@@ -315,6 +312,6 @@ class TestTheRulesBite:
         for check in self.CHECKS:
             if check is fails or (fails is test_says_what_it_is and check is not test_a_formula_has_a_source):
                 with pytest.raises(AssertionError):
-                    check(name)
+                    check.__wrapped__(name)
             else:
-                check(name)
+                check.__wrapped__(name)

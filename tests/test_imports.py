@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
+from all_cases import each
 
 import basset
 
@@ -39,23 +39,19 @@ def found(path: Path) -> Iterator[str]:
             yield from (argument.value for argument in node.args[:1] if isinstance(argument, ast.Constant))
 
 
-def identifier(path: Path) -> str:
-    return str(path.relative_to(ROOT))
-
-
 def test_the_packages_are_found():
     assert ROOT / "basset" / "__init__.py" in MODULES
     assert {path.relative_to(ROOT).parts[0] for path in MODULES} == set(PACKAGES)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=identifier)
+@each("path", MODULES)
 def test_imports_run_one_way(path):
     own = path.relative_to(ROOT).parts[0]
     later = PACKAGES[PACKAGES.index(own) + 1 :]
     assert not [name for name in imported(path) if name.split(".")[0] in (*later, "tests")]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=identifier)
+@each("path", MODULES)
 def test_one_place_knows_the_compiler(path):
     if path.parent == ROOT / "basset" and path.stem in ("_compile", "_places", "_pipeline"):  # the others are parts of the first, loaded when the compiler is
         return

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray
+from all_cases import each
 from rule_cases import ANY, KERNELS, refused
 
 import basset
@@ -15,7 +16,7 @@ RULE = basset.Daitche(order=3)
 NAN, INF = float("nan"), float("inf")
 MEI = basset.MeiAdrianKernel
 
-both = pytest.mark.parametrize("function", [basset.integrate, basset.cumulate])
+both = each("function", [basset.integrate, basset.cumulate])
 
 
 SAMPLES = {
@@ -43,21 +44,21 @@ SAMPLES = {
 
 class TestSamples:
     @both
-    @pytest.mark.parametrize("name", SAMPLES)
+    @each("name", SAMPLES)
     def test_refused(self, function, name):
         g, error, pattern = SAMPLES[name]
         refused(error, pattern, function, g, 0.1, RULE)
 
-    @pytest.mark.parametrize("g", [[], np.empty(0), np.empty((0, 3)), [1.0], np.ones((1, 3))])
+    @each("g", [[], np.empty(0), np.empty((0, 3)), [1.0], np.ones((1, 3))])
     def test_integrate_needs_a_step(self, g):
         refused(ValueError, rf"g must hold at least two samples \(one step\) along its first axis, got {len(g)}", basset.integrate, g, 0.1, RULE)
 
-    @pytest.mark.parametrize("g", [[], np.empty(0), np.empty((0, 3))])
+    @each("g", [[], np.empty(0), np.empty((0, 3))])
     def test_cumulate_needs_a_sample(self, g):
         refused(ValueError, r"g must hold at least one sample along its first axis, got 0", basset.cumulate, g, 0.1, RULE)
 
     @both
-    @pytest.mark.parametrize("name", ANY)
+    @each("name", ANY)
     def test_nan_reaches_no_result(self, function, name):
         g = np.ones(40)
         g[38] = NAN
@@ -79,7 +80,7 @@ NUMBERS = {
     "complex": (0.1 + 0j, TypeError, r"\(0\.1\+0j\)"),
     "list": ([0.1], TypeError, r"\[0\.1\]"),
 }
-bad_numbers = pytest.mark.parametrize(("value", "error", "shown"), NUMBERS.values(), ids=NUMBERS)
+bad_numbers = each("value, error, shown", NUMBERS.values())
 
 
 class TestStep:
@@ -94,11 +95,11 @@ class TestStep:
 
 
 class TestCounts:
-    @pytest.mark.parametrize(("order", "error"), [(0, ValueError), (11, ValueError), (-1, ValueError), (2.5, ValueError), (3.0, ValueError), (NAN, ValueError)])
+    @each("order, error", [(0, ValueError), (11, ValueError), (-1, ValueError), (2.5, ValueError), (3.0, ValueError), (NAN, ValueError)])
     def test_order_out_of_range(self, order, error):
         refused(error, rf"order must be a whole number from 1 to 10, got {order}", basset.Daitche, order=order)
 
-    @pytest.mark.parametrize("order", [True, "3", None, [3], 3 + 0j])
+    @each("order", [True, "3", None, [3], 3 + 0j])
     def test_order_of_the_wrong_type(self, order):
         with pytest.raises(TypeError, match=r"order must be a whole number from 1 to 10, got ") as caught:
             basset.Daitche(order=order)
@@ -107,14 +108,14 @@ class TestCounts:
     def test_any_integer_is_an_order(self):
         assert basset.Daitche(order=np.int8(3)) == basset.Daitche(order=3)
 
-    @pytest.mark.parametrize(("n", "error"), [(0, ValueError), (-3, ValueError), (2.5, ValueError), (True, TypeError), ("5", TypeError), (None, TypeError)])
+    @each("n, error", [(0, ValueError), (-3, ValueError), (2.5, ValueError), (True, TypeError), ("5", TypeError), (None, TypeError)])
     def test_number_of_weights(self, n, error):
         refused(error, rf"n must be a whole number, 1 or greater, got {n!r}", RULE.weights, n, 0.1)
 
 
 class TestRule:
     @both
-    @pytest.mark.parametrize(("name", "near"), [("daich", "daitche"), ("Brush", "brush"), ("semiderivative", "semi_derivative"), ("euler", "euler_maclaurin")])
+    @each("name, near", [("daich", "daitche"), ("Brush", "brush"), ("semiderivative", "semi_derivative"), ("euler", "euler_maclaurin")])
     def test_unknown_name(self, function, name, near):
         refused(ValueError, rf"scheme must be one of .*'daitche'.*, got '{name}'; did you mean '{near}'\?", function, G, 0.1, name)
 
@@ -130,7 +131,7 @@ class TestRule:
         with pytest.raises(ValueError, match=r"got 'xyzzy'$"):
             basset.integrate(G, 0.1, "xyzzy")
 
-    @pytest.mark.parametrize("name", [3, None])
+    @each("name", [3, None])
     def test_a_name_is_a_string(self, name):
         refused(TypeError, rf"named by a string, got {name}", basset.SCHEMES.__getitem__, name)
 
@@ -141,7 +142,7 @@ class TestRule:
         )
 
     @both
-    @pytest.mark.parametrize("rule", [None, 3, [1.0, 2.0], basset.BassetKernel()])
+    @each("rule", [None, 3, [1.0, 2.0], basset.BassetKernel()])
     def test_no_rule_at_all(self, function, rule):
         refused(TypeError, r"rule must be a rule such as basset\.Daitche\(order=3\), got ", function, G, 0.1, rule)
 
@@ -151,7 +152,7 @@ class TestRule:
 
 
 WINDOWED = {"windowed": lambda window: basset.Windowed(RULE, window), "hinsberg": lambda window: basset.Hinsberg(window=window, tail=False)}
-both_windows = pytest.mark.parametrize("make", WINDOWED.values(), ids=WINDOWED)
+both_windows = each("make", WINDOWED.values())
 
 
 class TestWindow:
@@ -165,19 +166,19 @@ class TestWindow:
 
     @both
     @both_windows
-    @pytest.mark.parametrize("window", [0.05, 0.0999])
+    @each("window", [0.05, 0.0999])
     def test_shorter_than_a_step(self, function, make, window):
         refused(ValueError, rf"window must be at least one step of dt = 0\.1 seconds, got {window}", function, G, 0.1, make(window))
         refused(ValueError, rf"window must be at least one step of dt = 0\.1 seconds, got {window}", make(window).weights, 5, 0.1)
 
-    @pytest.mark.parametrize("rule", [basset.Daitche, "daitche", None, 3, basset.Windowed(RULE, 1.0), basset.Hinsberg(tail=False)])
+    @each("rule", [basset.Daitche, "daitche", None, 3, basset.Windowed(RULE, 1.0), basset.Hinsberg(tail=False)])
     def test_of_what_is_no_full_rule(self, rule):
         refused(TypeError, r"rule must be a full-history rule such as basset\.Daitche\(order=2\), got ", basset.Windowed, rule, 1.0)
 
 
 class TestKernelArgument:
     @both
-    @pytest.mark.parametrize("kernel", [None, "basset", basset.BassetKernel, np.sqrt, 3.0])
+    @each("kernel", [None, "basset", basset.BassetKernel, np.sqrt, 3.0])
     def test_no_kernel(self, function, kernel):
         refused(TypeError, r"kernel must be a kernel such as basset\.BassetKernel\(\), got ", function, G, 0.1, RULE, kernel)
         refused(TypeError, r"kernel must be a kernel such as basset\.BassetKernel\(\), got ", RULE.weights, 5, 0.1, kernel)
@@ -189,21 +190,19 @@ class TestInput:
         refused(ValueError, r"input must be one of 'rate', 'slip', got 'slipp'; did you mean 'slip'\?", function, G, 0.1, RULE, input="slipp")
 
     @both
-    @pytest.mark.parametrize("input", [None, 1, True, ["rate"]])
+    @each("input", [None, 1, True, ["rate"]])
     def test_no_string(self, function, input):
         refused(TypeError, r"input must be one of 'rate', 'slip', got ", function, G, 0.1, RULE, input=input)
 
     @both
-    @pytest.mark.parametrize("rule", [basset.EulerMaclaurin(), basset.Brush(), basset.Windowed(basset.Brush(), 1.0)])
+    @each("rule", [basset.EulerMaclaurin(), basset.Brush(), basset.Windowed(basset.Brush(), 1.0)])
     def test_a_rule_without_that_form(self, function, rule):
         refused(ValueError, r"input must be 'rate' for \w+, got 'slip': .*rate df/dt only", function, G, 0.1, rule, input="slip")
 
 
 class TestInitialSlip:
     @both
-    @pytest.mark.parametrize(
-        ("shape", "slip"), [((), [1.0]), ((), [1.0, 2.0]), ((3,), [1.0, 2.0]), ((3,), np.ones((1, 3))), ((2, 3), np.ones(3)), ((2, 3), np.ones((3, 2)))]
-    )
+    @each("shape, slip", [((), [1.0]), ((), [1.0, 2.0]), ((3,), [1.0, 2.0]), ((3,), np.ones((1, 3))), ((2, 3), np.ones(3)), ((2, 3), np.ones((3, 2)))])
     def test_wrong_shape(self, function, shape, slip):
         came = str(np.shape(slip)).replace("(", r"\(").replace(")", r"\)")
         refused(
@@ -217,7 +216,7 @@ class TestInitialSlip:
         )
 
     @both
-    @pytest.mark.parametrize("slip", [NAN, INF, -INF])
+    @each("slip", [NAN, INF, -INF])
     def test_not_finite(self, function, slip):
         refused(ValueError, rf"initial_slip must be finite, got {slip}", function, G, 0.1, RULE, initial_slip=slip)
 
@@ -226,7 +225,7 @@ class TestInitialSlip:
         refused(ValueError, r"initial_slip must be finite, got \[1\.0, nan\]", function, np.ones((5, 2)), 0.1, RULE, initial_slip=[1.0, NAN])
 
     @both
-    @pytest.mark.parametrize("slip", ["1.0", 1j, True, [[1.0], [2.0, 3.0]]])
+    @each("slip", ["1.0", 1j, True, [[1.0], [2.0, 3.0]]])
     def test_no_numbers(self, function, slip):
         refused(TypeError, r"initial_slip must be an array of real numbers.*, got ", function, G, 0.1, RULE, initial_slip=slip)
 
@@ -245,19 +244,19 @@ class TestInitialSlip:
 
 
 class TestKernelParameters:
-    @pytest.mark.parametrize("parameter", ["slip", "diameter", "viscosity", "c1", "c2"])
-    @pytest.mark.parametrize("value", [-1e-3, NAN, INF, -INF])
+    @each("parameter", ["slip", "diameter", "viscosity", "c1", "c2"])
+    @each("value", [-1e-3, NAN, INF, -INF])
     def test_negative_or_not_finite(self, parameter, value):
         good = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}
         shown = str(value) if np.isnan(value) or np.isinf(value) else r"-0\.001"
         refused(ValueError, rf"{parameter} must be a finite number.*, got {shown}", MEI, **{**good, parameter: value})
 
-    @pytest.mark.parametrize("parameter", ["diameter", "viscosity", "c1"])
+    @each("parameter", ["diameter", "viscosity", "c1"])
     def test_zero_where_it_is_divided_by(self, parameter):
         good = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}
         refused(ValueError, rf"{parameter} must be a finite number greater than 0.*, got 0", MEI, **{**good, parameter: 0.0})
 
-    @pytest.mark.parametrize("value", ["0.1", None, True, [0.1], 1j])
+    @each("value", ["0.1", None, True, [0.1], 1j])
     def test_no_number(self, value):
         refused(TypeError, r"slip must be a finite number, 0 or greater \(m/s\), got ", MEI, value, 1e-3, 1e-6)
         refused(TypeError, r"viscosity must be a finite number greater than 0 \(m²/s\), got ", MEI.dorgan_loth, 0.1, 1e-3, value)
@@ -271,15 +270,15 @@ class TestKernelParameters:
 
 @pytest.mark.parametrize("kernel", KERNELS.values(), ids=KERNELS)
 class TestKernelValues:
-    @pytest.mark.parametrize(("s", "shown"), [(-1.0, "-1"), ([1.0, -2.5], r"-2\.5"), (NAN, "nan"), ([0.0, NAN], "nan"), (-INF, "-inf")])
+    @each("s, shown", [(-1.0, "-1"), ([1.0, -2.5], r"-2\.5"), (NAN, "nan"), ([0.0, NAN], "nan"), (-INF, "-inf")])
     def test_negative_or_nan_lag(self, kernel, s, shown):
         refused(ValueError, rf"s must hold lags of 0 or greater \(seconds\), got {shown}", kernel, s)
 
-    @pytest.mark.parametrize("s", ["1.0", None, 1j, True, [[1.0], [2.0, 3.0]], ["a"]])
+    @each("s", ["1.0", None, 1j, True, [[1.0], [2.0, 3.0]], ["a"]])
     def test_no_numbers(self, kernel, s):
         refused(TypeError, r"s must be an array of real lags in seconds, got ", kernel, s)
 
-    @pytest.mark.parametrize(("near", "far"), [(1.0, 1.0), (2.0, 1.0)])
+    @each("near, far", [(1.0, 1.0), (2.0, 1.0)])
     def test_empty_interval(self, kernel, near, far):
         refused(ValueError, rf"far must be greater than near = {near:g} \(seconds\), got {far:g}", kernel.moments, near, far, 2)
 
@@ -287,13 +286,13 @@ class TestKernelValues:
         refused(ValueError, r"near must be a finite number, 0 or greater \(seconds\), got -1", kernel.moments, -1.0, 1.0, 2)
         refused(ValueError, r"far must be a finite number greater than 0 \(seconds\), got inf", kernel.moments, 0.0, INF, 2)
 
-    @pytest.mark.parametrize(("degree", "error"), [(-1, ValueError), (16, ValueError), (2.5, ValueError), (True, TypeError), ("2", TypeError)])
+    @each("degree, error", [(-1, ValueError), (16, ValueError), (2.5, ValueError), (True, TypeError), ("2", TypeError)])
     def test_degree_out_of_range(self, kernel, degree, error):
         refused(error, rf"degree must be a whole number from 0 to 15, got {degree!r}", kernel.moments, 0.0, 1.0, degree)
 
 
 @both
-@pytest.mark.parametrize("name", ANY)
+@each("name", ANY)
 def test_refusing_leaves_everything_as_it_was(function, name):
     """After bad calls a good call gives the same bits as before."""
     rule, g = ANY[name](2.0), np.random.default_rng(1).standard_normal(60)
@@ -321,14 +320,14 @@ MISSING = {
 
 
 @both
-@pytest.mark.parametrize("name", MISSING)
+@each("name", MISSING)
 def test_missing_samples_are_refused_and_what_to_do_is_said(function, name):
     g, which = MISSING[name]
     refused(ValueError, rf"g must have no missing values, got .*{which}.*: fill the gaps.* or take an interval", function, g, 0.1, RULE)
 
 
 @both
-@pytest.mark.parametrize(
+@each(
     "g",
     [
         pd.Series([1.0, NAN, 2.0, 3.0]),
@@ -336,7 +335,6 @@ def test_missing_samples_are_refused_and_what_to_do_is_said(function, name):
         xarray.DataArray([1.0, NAN, 2.0, 3.0], dims="t"),
         pd.DataFrame({"u": [1.0, NAN, 2.0], "v": 1.0}),
     ],
-    ids=["series", "nullable series", "data array", "data frame"],
 )
 def test_labelled_samples_with_nan_are_refused(function, g):
     refused(ValueError, r"g must be finite, got nan in sample 1 \(and 0 other samples\): fill the gaps", function, g, 0.1, RULE)
@@ -408,7 +406,7 @@ def test_numbers_at_the_ends_of_double_precision():
         _ = basset.advise(1e-3, time_scale=1e-320, dt=0.1, steps=10).best
 
 
-@pytest.mark.parametrize("name", ["y0", "initial_slip", "t_eval", "coefficient"])
+@each("name", ["y0", "initial_slip", "t_eval", "coefficient"])
 def test_solve_takes_nothing_masked(name):
     given = {"y0": [1.0, 2.0], "initial_slip": [1.0, 2.0], "t_eval": [0.5, 0.75], "coefficient": [0.5, 0.5]}
     given[name] = np.ma.masked_array(given[name], mask=[False, True])
@@ -427,8 +425,8 @@ def test_a_time_that_is_the_end_but_for_rounding_is_the_end():
         np.testing.assert_allclose(r.sol(late), exact.y[:, -1], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("span", "times", "shown"),
+@each(
+    "span, times, shown",
     [
         ((0.0, 1.0), [0.5, 1.0 + 1e-9], r"\(0, 1\), got 1\.000000001"),
         ((0.0, 2.0), [2.00000001], r"\(0, 2\), got 2\.00000001"),

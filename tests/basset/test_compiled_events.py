@@ -47,6 +47,22 @@ def passed(t, y):
     return y[0] - 0.1
 
 
+def decay(t, y):
+    return -y
+
+
+def later(t, y):
+    return t - 1.0
+
+
+def fades(t, y, power):
+    return -y
+
+
+def zero(t, y, power):
+    return (t - 0.5) ** power
+
+
 CASES = {
     "bounces to rest": (falling, [(floor, -1.0, bounce, 0)]),
     "rests and is torn off": (kicked, [(floor, -1.0, bounce, 0)]),
@@ -97,19 +113,19 @@ def test_no_python_between_start_and_end(monkeypatch):
 
 @pytest.mark.parametrize(("part", "sentence"), [("event", "event 0 was not finite"), ("jump", "jump of event 0 was not finite")])
 def test_what_is_not_finite_is_a_status(part, sentence):
-    event = numba.njit(lambda t, y: math.sqrt(1.0 - t) if t <= 1.0 else math.nan) if part == "event" else numba.njit(lambda t, y: t - 1.0)
+    event = numba.njit(lambda t, y: math.sqrt(1.0 - t) if t <= 1.0 else math.nan) if part == "event" else numba.njit(later)
     if part == "jump":
         event.jump = numba.njit(lambda t, y: y / 0.0 if t > 0.5 else y)
-    found = basset.solve(numba.njit(lambda t, y: -y), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
+    found = basset.solve(njit(decay), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
     assert found.status == -1
     assert found.message.startswith(sentence)
 
 
 def test_a_jump_of_the_wrong_shape_is_an_error():
-    event = numba.njit(lambda t, y: t - 1.0)
+    event = numba.njit(later)
     event.jump = numba.njit(lambda t, y: np.array([1.0, 2.0]))
     with pytest.raises(ValueError, match=r"jump of event 0 must return 1 states, got shape \(2,\)"):
-        basset.solve(numba.njit(lambda t, y: -y), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
+        basset.solve(njit(decay), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
 
 
 def test_an_error_in_a_callback_comes_through():
@@ -121,7 +137,7 @@ def test_an_error_in_a_callback_comes_through():
         return 1.0
 
     with pytest.raises(LookupError, match="no such place"):
-        basset.solve(numba.njit(lambda t, y: -y), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
+        basset.solve(njit(decay), (0.0, 2.0), [1.0], coefficient=0.5, events=event)
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -141,8 +157,8 @@ def test_an_error_in_a_compiled_function_is_no_success():
 @pytest.mark.parametrize("power", [3, 5, 7, 9])
 def test_a_zero_of_high_order(power):
     """Where rounding decides the sign of the slope there are no more turning points than a polynomial has."""
-    for made in (partial, numba.njit):
-        found = basset.solve(made(lambda t, y: -y), (0.0, 1.0), [1.0], coefficient=0.5, events=made(lambda t, y: (t - 0.5) ** power))
+    for made in (partial, njit):
+        found = basset.solve(made(fades), (0.0, 1.0), [1.0], coefficient=0.5, events=made(zero), args=(power,))
         assert found.status == 0
         assert len(found.t_events[0]) % 2 == 1  # on the other side in the end
         assert np.abs(found.t_events[0] - 0.5).max() < 1e-15 ** (1.0 / power) * 10.0

@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from all_cases import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rule_cases import (
@@ -29,7 +30,7 @@ from basset.weights.polynomials import FAR
 from basset.weights.table import TABLES, WeightTable, table
 
 BASSET = basset.BassetKernel()
-every_kernel = pytest.mark.parametrize("kernel", KERNELS.values(), ids=KERNELS)
+every_kernel = each("kernel", KERNELS.values())
 
 
 def largest(H: np.ndarray) -> float:
@@ -76,7 +77,7 @@ class TestCumulateIsIntegrateRowByRow:
             np.testing.assert_allclose(H[k], expected, rtol=0.0, atol=1e-12 * largest(H))
 
     @any_rule_and_input
-    @pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 1, 4), (0,), (2, 0)])
+    @each("shape", [(3,), (2, 3), (1, 1, 4), (0,), (2, 0)])
     def test_trailing_shapes(self, make, input, shape):
         rule, g = make(1.5), samples(60, *shape)
         H, last = basset.cumulate(g, 0.1, rule, input=input), basset.integrate(g, 0.1, rule, input=input)
@@ -138,7 +139,7 @@ class TestRowZero:
 
 class TestNoWrapAround:
     @full_rules_and_inputs
-    @pytest.mark.parametrize("n", [100, 511, 512, 1023, 1024, 1025, 4099])
+    @each("n", [100, 511, 512, 1023, 1024, 1025, 4099])
     def test_impulse_in_the_last_sample(self, make, input, n):
         """Nothing may reach back: all rows before it are zero up to the rounding of the transform."""
         g = np.zeros(n + 1)
@@ -395,7 +396,7 @@ class TestCache:
             built.append(empty_cache.nbytes)
         assert built[0] == built[1] == built[2]
 
-    @pytest.mark.parametrize("use", ["integrate", "cumulate", "weights"])
+    @each("use", ["integrate", "cumulate", "weights"])
     def test_keeps_its_limit(self, use, empty_cache):
         """Many kernels, one after the other: each use leaves at most `limit` bytes behind."""
         empty_cache.limit = 200_000

@@ -38,7 +38,30 @@ def lowest(t, y, a, b, c):
     return y[-1] + 0.1
 
 
-compiled = lru_cache(numba.njit)
+def decay(t, y):
+    return -y
+
+
+def half(t, y):
+    return t - 0.5
+
+
+def turns(t, y):
+    return math.sin(20.0 * t)
+
+
+def raised(t, y):
+    return y + 1.0
+
+
+FLAT = 6.0 * math.gamma(6.0) * math.gamma(0.5) / math.gamma(6.5)
+
+
+def flat(t, y):
+    return 6.0 * t**5 + (t**6 - y) + 0.6 * FLAT * t**5.5
+
+
+compiled = lru_cache(numba.njit)  # once for all cases
 
 
 def methods(rule):
@@ -74,16 +97,13 @@ def test_as_python_ones(name, jumps, breaks):
             np.testing.assert_allclose(other.y_events[k], one.y_events[k], rtol=1e-11, atol=1e-11)
 
 
-FLAT = 6.0 * math.gamma(6.0) * math.gamma(0.5) / math.gamma(6.5)
-
-
 @pytest.mark.analytic
-@pytest.mark.parametrize("made", [partial, numba.njit], ids=["plain", "compiled"])
+@pytest.mark.parametrize("made", [partial, compiled], ids=["plain", "compiled"])
 @pytest.mark.parametrize("input", ["rate", "slip"])
 @pytest.mark.parametrize("p", [1, 2, 3, 4])
 def test_orders(made, input, p):
     """y = t⁶, whose history is FLAT t^5.5."""
-    fun, counts = made(lambda t, y: 6.0 * t**5 + (t**6 - y) + 0.6 * FLAT * t**5.5), np.array([20, 40, 80])
+    fun, counts = made(flat), np.array([20, 40, 80])
     found = []
     for n in counts:
         result = basset.solve(fun, (0.0, 2.0), [0.0], coefficient=0.6, method=basset.FixedStep(2.0 / n, basset.Daitche(p), input=input))
@@ -98,12 +118,12 @@ def test_python_is_entered_as_often_whatever_the_number_of_steps(monkeypatch, ma
     for owner, name in ((base.Task, "free"), (base.Event, "value"), (base.Event, "after"), (_fixed, "steps")):
         real = getattr(owner, name)
         monkeypatch.setattr(owner, name, lambda *given, real=real, name=name: calls.append(name) or real(*given))
-    event, passed = numba.njit(lambda t, y: t - 0.5), numba.njit(lambda t, y: math.sin(20.0 * t))
-    event.jump = numba.njit(lambda t, y: y + 1.0)
+    event, passed = compiled(half), compiled(turns)
+    event.jump = compiled(raised)
     found = []
     for n in (100, 10_000):
         calls.clear()
-        result = basset.solve(numba.njit(lambda t, y: -y), (0.0, 1.0), [1.0], coefficient=0.6, method=make(1.0 / n), events=[event, passed])
+        result = basset.solve(compiled(decay), (0.0, 1.0), [1.0], coefficient=0.6, method=make(1.0 / n), events=[event, passed])
         assert (result.status, result.nsteps, len(result.t_events[0]), len(result.t_events[1])) == (0, n, 1, 6)
         found.append(sorted(calls))
     assert found[0] == found[1]
@@ -117,7 +137,7 @@ def test_another_fun_compiles_no_loop():
         event.jump = numba.njit(lambda t, y: 2.0 * y)
         assert basset.solve(fun, (0.0, 1.0), np.ones(n), list(range(n - 1)), 0.6, method=method, events=event).status == 0
 
-    solve(numba.njit(lambda t, y: -y), 1, basset.FixedStep(0.02))
+    solve(compiled(decay), 1, basset.FixedStep(0.02))
     with numba.core.event.install_listener("numba:compile", found := Compilations()):
         solve(numba.njit(lambda t, y: -y * np.abs(y)), 3, basset.FixedStep(0.02, basset.Exponential(3)))
         solve(numba.njit(lambda t, y: -2.0 * y), 2, basset.FixedStep(0.02, input="slip"))
@@ -145,7 +165,7 @@ def test_what_is_not_finite_is_a_status():
     assert (result.status, result.message, result.t[-1]) == (-1, "fun was not finite in component 0 at t = 1.", 0.75)
     event = numba.njit(lambda t, y: t - 0.9)
     event.jump = numba.njit(error_model="numpy")(after)
-    result = basset.solve(numba.njit(lambda t, y: -y), (0.0, 2.0), [1.0], coefficient=0.5, method=basset.FixedStep(0.25), events=event)
+    result = basset.solve(compiled(decay), (0.0, 2.0), [1.0], coefficient=0.5, method=basset.FixedStep(0.25), events=event)
     assert (result.status, result.message, len(result.t_events[0])) == (-1, "jump of event 0 was not finite at t = 1.", 0)
 
 

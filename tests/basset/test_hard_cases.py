@@ -80,18 +80,6 @@ def test_a_slip_that_does_not_start_from_rest(order):
     assert error[200:].max() < 1.0 * dt ** min(order + 1.0, 3.5) + 1e-8
 
 
-@every_stream
-def test_a_step(stream):
-    """f = 1 from t = 0 on: H = K, to rounding or to the promise."""
-    plan = stream.plan()
-    state = plan.start()
-    plan.push(state, 0.0)
-    plan.jump(state, 1.0)
-    H, lags = plan.run(state, np.zeros(HORIZON)), np.arange(1.0, HORIZON + 1.0)
-    expected = np.where(lags <= WINDOW, 1.0, 0.0 if stream.forgets else 1.0) / np.sqrt(lags * DT)
-    np.testing.assert_allclose(H, expected, rtol=stream.rtol + 1e-13)
-
-
 @orders
 def test_the_root_of_time(order):
     """f = √τ: H = π/2; its rate is infinite at the start, so the samples are slips, and every order is limited to h^(3/2)."""
@@ -120,30 +108,6 @@ def test_the_root_of_time_as_a_stream(stream):
 
 
 # --------------------------------------------------------------------------------------------------------------- jumps
-
-
-@every_stream
-@pytest.mark.parametrize("age", [0.0, 0.5, 1.0], ids=["on_a_node", "between_nodes", "one_step_old"])
-def test_a_jump(stream, age):
-    plan = stream.plan()
-    state = plan.start()
-    plan.run(state, np.zeros(10))
-    plan.jump(state, -2.0, age * DT)
-    lags = age + np.arange(1.0, HORIZON - 8.0)
-    expected = np.where(lags <= WINDOW, 1.0, 0.0 if stream.forgets else 1.0) * -2.0 / np.sqrt(lags * DT)
-    np.testing.assert_allclose(plan.run(state, np.zeros(HORIZON - 9)), expected, rtol=stream.rtol + 1e-13)
-
-
-@every_stream
-def test_two_jumps_closer_than_any_step(stream):
-    plan = stream.plan()
-    apart, together = plan.start(), plan.start()
-    for state, ages in ((apart, (0.5, 0.5 - 1e-12)), (together, (0.5, 0.5))):
-        plan.run(state, np.ones(10))
-        for age in ages:
-            plan.jump(state, 1.0, age * DT)
-    rest = np.ones(60)
-    np.testing.assert_allclose(plan.run(apart, rest), plan.run(together, rest), rtol=1e-11)
 
 
 @chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
@@ -194,80 +158,6 @@ def test_almost_no_slip(order):
 
 
 # --------------------------------------------------------------------------------------------------------------- limits
-
-
-def test_the_horizon_of_a_stream_exceeded():
-    """Refused with a sentence, never silent drift; the state is as before."""
-    for name in ("daitche_3", "tailed_daitche_3", "exponential_3"):
-        plan = STREAMS[name].plan()
-        state = plan.start()
-        plan.run(state, np.ones(HORIZON + 1))
-        before = copied(state)
-        with pytest.raises(ValueError, match="horizon must cover the stream"):
-            plan.push(state, 1.0)
-        assert same(state, before)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@chosen(LEAN)
-def test_not_a_number_and_infinity(stream, bad):
-    plan = stream.plan()
-    state = plan.start((2,))
-    plan.push(state, [1.0, 2.0])
-    before = copied(state)
-    for use in (lambda: plan.push(state, [0.0, bad]), lambda: plan.run(state, [[0.0, 1.0], [bad, 1.0]]), lambda: plan.jump(state, bad)):
-        with pytest.raises(ValueError, match="must be finite, got"):
-            use()
-    assert same(state, before)
-
-
-@chosen(LEAN)
-def test_empty_input(stream):
-    plan = stream.plan()
-    state = plan.start((3,))
-    before = copied(state)
-    assert plan.run(state, np.empty((0, 3))).shape == (0, 3)
-    assert same(state, before)
-    nothing = plan.start((0, 3))
-    assert plan.run(nothing, np.empty((5, 0, 3))).shape == (5, 0, 3)
-    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
-    for use in (basset.integrate, basset.cumulate):
-        with pytest.raises(ValueError, match="g must hold at least"):
-            use(np.empty(0), DT, rule)
-
-
-@chosen(LEAN)
-def test_one_sample(stream):
-    """No time has passed: H is 0, at any start."""
-    plan = stream.plan()
-    state = plan.start()
-    plan.push(state, 7.0)
-    assert plan.value(state) == 0.0
-    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
-    assert basset.cumulate(np.array([7.0]), DT, rule).tolist() == [0.0]
-    with pytest.raises(ValueError, match="at least two samples"):
-        basset.integrate(np.array([7.0]), DT, rule)
-
-
-LAYOUTS = {
-    "float32": lambda g: g.astype(np.float32),
-    "integers": lambda g: g.astype(np.int64),
-    "strided": lambda g: np.repeat(np.repeat(g, 2, axis=0), 3, axis=1)[::2, ::3],
-    "reversed": lambda g: g[::-1].copy()[::-1],
-    "fortran": np.asfortranarray,
-    "lists": lambda g: g.tolist(),
-}
-
-
-@chosen(LEAN)
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
-def test_any_layout_and_type_of_input(stream, layout):
-    g = np.random.default_rng(1).integers(-50, 50, (HORIZON + 1, 2)).astype(float)
-    rule = stream.make(DT, HORIZON * DT, basset.BassetKernel())
-    plan = stream.plan()
-    np.testing.assert_array_equal(plan.run(plan.start((2,)), layout(g)), plan.run(plan.start((2,)), g))
-    H = basset.cumulate(g, DT, rule)  # other strides, another order of summation
-    np.testing.assert_allclose(basset.cumulate(layout(g), DT, rule), H, rtol=0.0, atol=1e-14 * np.abs(H).max())
 
 
 @chosen(LEAN)

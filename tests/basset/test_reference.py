@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from all_cases import each
 from rule_cases import EPS, GRAIN, KERNELS
 
 import basset
@@ -42,7 +43,7 @@ every_function = pytest.mark.parametrize("name", FUNCTIONS)
 
 
 @every_function
-@pytest.mark.parametrize("t", [0.3, 2.0, 7.5])
+@each("t", [0.3, 2.0, 7.5])
 def test_mpmath_against_the_defining_integral(name, t):
     function, rate = FUNCTIONS[name]
     value = function(t, 25)
@@ -52,7 +53,7 @@ def test_mpmath_against_the_defining_integral(name, t):
         assert abs(value / by_quadrature(rate, t) - 1) < mpmath.mpf(10) ** -20
 
 
-@pytest.mark.parametrize("t", TIMES)
+@each("t", TIMES)
 @pytest.mark.parametrize("omega", [1.0, 40.0])
 @pytest.mark.parametrize("function", [reference.cosine, reference.sine])
 def test_oscillations_in_double(function, omega, t):
@@ -63,7 +64,7 @@ def test_oscillations_in_double(function, omega, t):
     assert abs(function(t, omega) - exact) <= (32 * EPS + phase) * size
 
 
-@pytest.mark.parametrize("t", [t for t in TIMES if t <= 1e-3])
+@each("t", [t for t in TIMES if t <= 1e-3])
 def test_oscillations_keep_relative_accuracy_at_short_times(t):
     # cos: H → 2√t; sin: H → (4/3) t^(3/2), small against its parts
     for function in (reference.cosine, reference.sine):
@@ -71,7 +72,7 @@ def test_oscillations_keep_relative_accuracy_at_short_times(t):
         assert abs(function(t, 1.0) / exact - 1.0) <= 16 * EPS
 
 
-@pytest.mark.parametrize("t", TIMES)
+@each("t", TIMES)
 @pytest.mark.parametrize("rate", [-1.0, -1e-3, 0.0, 1e-3, 1.0])
 def test_exponentials_in_double(rate, t):
     if abs(rate * t) > 700.0 and rate > 0.0:  # beyond the range of e^(at)
@@ -87,7 +88,7 @@ def test_exponentials_in_double(rate, t):
     assert abs(reference.exponential(t, rate) / exact - 1.0) <= tolerance
 
 
-@pytest.mark.parametrize("t", TIMES)
+@each("t", TIMES)
 @pytest.mark.parametrize("exponent", [0, 1, 2, 10, 0.5, -0.5])
 def test_powers_in_double(exponent, t):
     exact = float(reference.power(t, exponent, 30))
@@ -95,7 +96,7 @@ def test_powers_in_double(exponent, t):
     assert abs(reference.power(t, exponent) / exact - 1.0) <= (32 + abs((exponent + 0.5) * np.log(t))) * EPS
 
 
-@pytest.mark.parametrize("t", TIMES)
+@each("t", TIMES)
 def test_slip_powers(t):
     assert reference.power_slip(t, 0.5) == pytest.approx(np.pi / 2.0, rel=16 * EPS)  # the root: the same at all times
     for exponent in (1, 2, 3.5):

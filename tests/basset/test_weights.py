@@ -8,6 +8,7 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
+from all_cases import each
 from rule_cases import ANY, EPS, KERNELS, ORDERS, accepts, any_rule_and_input, every_rule, every_rule_and_input, window_steps
 
 import basset
@@ -50,7 +51,7 @@ class TestAgainstMpmath:
     def test_around_the_switch_every_one(self, order, input):
         assert error(4000, range(FAR - 2 * order - 2, FAR + 2 * order + 3), order, input=input) <= limit(order)
 
-    @pytest.mark.parametrize("n", [41, FAR + 5, 10**6])
+    @each("n", [41, FAR + 5, 10**6])
     def test_oldest_every_one(self, order, input, n):
         assert error(n, range(n - 2 * order - 2, n + 1), order, input=input) <= limit(order)
 
@@ -98,14 +99,14 @@ class TestFiniteReynolds:
         assert error(3, range(4), 5, steep(steepness, make), "rate", digits=18) <= limit(5)
 
 
-@pytest.mark.parametrize("name", ["mei_adrian", "dorgan_loth"])
+@each("name", ["mei_adrian", "dorgan_loth"])
 @pytest.mark.parametrize("input", INPUTS)
 def test_finite_reynolds_around_the_switch(name, input):
     kernel = KERNELS[name].scaled(1e-3)
     assert error(2000, [FAR - 1, FAR, FAR + 1], 4, kernel, input, digits=18) <= limit(4)
 
 
-@pytest.mark.parametrize("name", ["mei_adrian", "dorgan_loth"])
+@each("name", ["mei_adrian", "dorgan_loth"])
 def test_finite_reynolds_high_order(name):
     assert error(17, [0, 17], 8, KERNELS[name].scaled(1e-2), "rate", digits=18) <= limit(8)
 
@@ -172,7 +173,7 @@ def test_published_oldest_of_the_trapezoid():
             assert float(abs(basset.Daitche(1).weights(n, 1.0)[n] / exact - 1)) <= limit(1)
 
 
-@pytest.mark.parametrize("name", KERNELS)
+@each("name", KERNELS)
 @pytest.mark.parametrize("input", INPUTS)
 def test_hinsberg_and_daitche_1_are_the_same_weights(name, input):
     for n in (1, 2, 3, 40, 700):
@@ -180,8 +181,8 @@ def test_hinsberg_and_daitche_1_are_the_same_weights(name, input):
         assert np.array_equal(ours, basset.Daitche(1).weights(n, 0.02, KERNELS[name], input))
 
 
-@pytest.mark.parametrize("name", KERNELS)
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 40, 513, 700])
+@each("name", KERNELS)
+@each("n", [1, 2, 3, 4, 5, 40, 513, 700])
 def test_baselines_by_their_definition(n, name):
     kernel = KERNELS[name].scaled(0.01)
     midpoint = np.zeros(n + 1)
@@ -228,7 +229,7 @@ def test_semi_integral_twice_is_the_integral():
 
 
 @every_rule_and_input
-@pytest.mark.parametrize("dt", [1e-300, 1e-6, 0.37, 1e8])
+@each("dt", [1e-300, 1e-6, 0.37, 1e8])
 def test_step_size_scales_the_standard_weights(make, input, dt):
     for n in (1, 2, 7, 30):
         unit = make(12.0).weights(n, 1.0, input=input)
@@ -239,7 +240,7 @@ def test_step_size_scales_the_standard_weights(make, input, dt):
 
 
 @every_rule
-@pytest.mark.parametrize("name", KERNELS)
+@each("name", KERNELS)
 def test_rate_weights_sum_to_the_integral_of_the_kernel(make, name):
     """g = 1: exact for product integration; for the others to their order."""
     kernel, n, dt = KERNELS[name], 300, 1e-5

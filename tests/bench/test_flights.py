@@ -72,7 +72,7 @@ def test_half_the_tolerance_changes_means_by_less_than_it_claims():
     assert all(r["ratio"] < 1.0 for r in rows)
 
 
-def test_the_page_is_made_from_data_alone(tmp_path, monkeypatch):
+def test_the_page_is_made_from_data_alone(tmp_path, coarse):
     data = build.load(page.HERE / "data")
     found = data["flights"]
     found["campaign"] = {"status": "skipped", "reason": "only with --full"}

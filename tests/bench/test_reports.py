@@ -65,7 +65,7 @@ def two_pages(monkeypatch):
     return build.load(ROOT / "reports" / "data")
 
 
-def test_what_was_measured_here_comes_before_what_is_committed_which_says_when_and_where(tmp_path, two_pages):
+def test_what_was_measured_here_comes_before_what_is_committed_which_says_when_and_where(tmp_path, two_pages, coarse):
     own = two_pages["advice"] | {"provenance": two_pages["advice"]["provenance"] | {"date": "2031-01-02", "commit": "fedc321", "processor": "Z80"}}
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "advice.json").write_text(json.dumps(own | {"rows": own["rows"][:-12]}), encoding="utf-8")

@@ -94,7 +94,7 @@ def test_numbers_show_their_error():
     assert saltation.percent(1.25) == "+25 %" and saltation.percent(0.5) == "−50 %" and saltation.percent(4.0) == "× 4"
 
 
-def test_the_page_builds_from_the_committed_data(tmp_path):
+def test_the_page_builds_from_the_committed_data(tmp_path, coarse):
     with into(tmp_path):
         page = saltation.saltation(committed())
     assert "nan" not in page.lower().replace("nanosecond", "")

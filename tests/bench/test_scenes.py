@@ -142,7 +142,7 @@ def test_steps_are_short():
     assert [scenes.step_of(x) for x in (1e-2, 4e-3, 1e-3, 2.5e-4, 6.25e-5, 1e-5)] == ["0.01", "0.004", "0.001", "2.5e-4", "6.25e-5", "1e-5"]
 
 
-def test_the_page_is_made_from_data_alone(tmp_path):
+def test_the_page_is_made_from_data_alone(tmp_path, coarse):
     data = build.load(page.HERE / "data")
     with page.into(tmp_path):
         text = scenes.scenes(data)

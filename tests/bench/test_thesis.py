@@ -6,7 +6,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-import pytest
+from all_cases import each
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "reports" / "thesis.md").read_text(encoding="utf-8")
@@ -22,7 +22,7 @@ def defined(file: str) -> set[str]:
     return {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
 
 
-@pytest.mark.parametrize(("module", "name"), NAMES)
+@each("module, name", NAMES)
 def test_what_is_named_is_there(module, name):
     thing = importlib.import_module(module)
     first, *rest = name.split(".")
@@ -32,12 +32,12 @@ def test_what_is_named_is_there(module, name):
         assert hasattr(kind, part) or part in getattr(kind, "model_fields", {}) or part in getattr(kind, "__annotations__", {})
 
 
-@pytest.mark.parametrize(("file", "name"), TESTS)
+@each("file, name", TESTS)
 def test_tests_are_there(file, name):
     assert not name or name in defined(file)
 
 
-@pytest.mark.parametrize(("page", "section"), sorted(set(re.findall(r'page (\w+), "([^"]+)"', TEXT))))
+@each("page, section", sorted(set(re.findall(r'page (\w+), "([^"]+)"', TEXT))))
 def test_sections_are_there(page, section):
     assert section in (ROOT / "reports" / f"{page}.md").read_text(encoding="utf-8")
 

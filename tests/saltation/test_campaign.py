@@ -54,10 +54,10 @@ def table(few):
         return campaign(few, executor)
 
 
-@pytest.mark.parametrize("workers", [1, 3])  # two are tested where they are killed
-def test_the_same_table_on_any_number_of_workers(few, table, workers, monkeypatch):
+def test_the_same_table_on_any_number_of_workers(few, table, monkeypatch):
+    """Three: `table` is what one makes, two are tested where they are killed."""
     monkeypatch.setattr(campaigns, "CHUNK", 60)  # one scene at a time: the workers come in any order
-    with processes(workers) as executor:
+    with processes(3) as executor:
         same(campaign(few, executor), table)
 
 
@@ -278,13 +278,13 @@ def test_a_campaign_killed_again_and_again(tmp_path, undisturbed):
 
 
 def test_killed_workers_change_nothing(tmp_path, monkeypatch, undisturbed):
-    """Six are killed at random times; the task in hand is done again by another."""
+    """Four are killed at random times; the task in hand is done again by another."""
     monkeypatch.setattr(campaigns, "CHUNK", 60)
     many = [({"number": seed}, sand(seed=seed, jumps=2100)) for seed in SEEDS]
     chance, killed = random.Random(1), []
 
     def kill(pool, over):
-        while len(killed) < 6 and not over.wait(chance.uniform(0.0, 0.7)):
+        while len(killed) < 4 and not over.wait(chance.uniform(0.0, 0.7)):
             victim = chance.choice(pool._workers)[0]
             if victim.is_alive():
                 victim.kill()
@@ -391,15 +391,20 @@ def test_results_need_names(labels, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path):
+@pytest.fixture(scope="module")
+def pool():
+    """Two processes for blocks of grains and for whole clouds: their tables of step sizes are empty at first, then those of what they flew before."""
     with processes(2) as pool:
-        same(campaign(clouds, pool, results=tmp_path), kept[1])
+        yield pool
+
+
+def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path, pool):
+    same(campaign(clouds, pool, results=tmp_path), kept[1])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["single.nc", "with.nc", "without.nc"]
 
 
 @pytest.mark.parametrize("meeting", [False, True])
-def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkeypatch):
-    """In processes of their own, whose tables of step sizes are empty as they start."""
+def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkeypatch, pool):
     monkeypatch.setattr("saltation.simulation.CHUNK", 20)
     scene, shares, blocks = cloud(meeting), [], []
 
@@ -408,8 +413,7 @@ def test_blocks_of_grains_over_an_executor_come_to_the_same_bits(meeting, monkey
             blocks.append(range(first, last))
             return pool.submit(function, text, first, last)
 
-    with processes(2) as pool:
-        found = saltation.run(scene, shares.append, executor=Counting(1))
+    found = saltation.run(scene, shares.append, executor=Counting(1))
     assert [number for block in blocks for number in block] == list(range(14))
     assert (len(blocks) > 3) == (not meeting)
     assert shares[-1] == 1.0

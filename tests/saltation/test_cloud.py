@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scene_cases import cloud_scene, sand_cloud
 
 import saltation
 from basset.solvers import stepper
 from basset.solvers._tables import tables_of
-from saltation import simulation
+from saltation import cli, simulation
 from saltation.flight import cloud, layout
 from saltation.flight.cloud import starts
 from saltation.flight.setup import Engine, Grain, Start, empty_record, tables_for
@@ -98,7 +99,6 @@ def test_without_encounters_each_flies_as_if_alone():
         (simulation, "SLICE", 45),
         (simulation, "SLICE", 10**9),
         (simulation, "PART", 45),
-        (simulation, "PART", PIECE),
         (cloud, "BUFFER", 7),
     ],
 )
@@ -135,10 +135,13 @@ def test_the_last_position_is_there(steps):
 COMMAND = "import sys, saltation.simulation as c; c.PART = int(sys.argv.pop(1)); from saltation.cli import main; main()"
 
 
+def words(folder, made):
+    return ["run", "sand_cloud", "--output", str(folder), "--set", f"run.duration={made.run.duration!r}", "--set", "run.discard=0"]
+
+
 def start(folder, made):
     """The command line in another process, with small parts."""
-    command = [sys.executable, "-c", COMMAND, str(PIECE), "run", "sand_cloud", "--output", str(folder)]
-    command += ["--set", f"run.duration={made.run.duration!r}", "--set", "run.discard=0"]
+    command = [sys.executable, "-c", COMMAND, str(PIECE), *words(folder, made)]
     environment = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
@@ -149,41 +152,30 @@ def wait_for(folder, parts, process):
         time.sleep(0.002)
 
 
-def test_killed_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
-    """SIGKILL while parts and checkpoints are being written, twice: the same bits in the end."""
+def test_killed_or_stopped_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
+    """SIGKILL while parts and checkpoints are being written, SIGTERM, with exit status 130 and one sentence, SIGKILL again: the same bits in the end."""
     monkeypatch.setattr(simulation, "PART", PIECE)
-    folder, rng, killed = tmp_path / "run", random.Random(61), 0
-    for parts in (1, 9):
+    folder, rng, ended = tmp_path / "run", random.Random(61), []
+    for parts, how in ((1, signal.SIGKILL), (5, signal.SIGTERM), (9, signal.SIGKILL)):
         process = start(folder, whole.scene)
         wait_for(folder, parts, process)
-        time.sleep(rng.uniform(0.0, 0.1))
-        process.kill()
-        process.communicate()
-        killed += process.returncode == -signal.SIGKILL
-        if process.returncode == -signal.SIGKILL:
+        time.sleep(rng.uniform(0.0, 0.1) if how == signal.SIGKILL else 0.0)
+        process.send_signal(how)
+        out, text = process.communicate()
+        ended.append(process.returncode)
+        if how == signal.SIGTERM:
+            assert (process.returncode, out) == (130, "")
+            assert text == f"stopped: what is finished is kept in {str(folder)!r}, the same command goes on from there\n"
+        if process.returncode:
             opened = saltation.open(folder)
             assert (opened.status, opened.time < whole.time) == ("unfinished", True)
             assert opened.encounters.equals(whole.encounters[: len(opened.encounters)])
-    assert killed >= 1
-    same(saltation.run(whole.scene, output=folder), whole)
-    assert not list(folder.glob(".*"))
-
-
-def test_stopped_by_the_system_it_says_so(whole, monkeypatch, tmp_path):
-    """SIGTERM: exit status 130 and one sentence; the same command goes on."""
-    monkeypatch.setattr(simulation, "PART", PIECE)
-    folder = tmp_path / "run"
-    process = start(folder, whole.scene)
-    wait_for(folder, 1, process)
-    process.terminate()
-    out, text = process.communicate()
-    assert (process.returncode, out) == (130, "")
-    assert text == f"stopped: what is finished is kept in {str(folder)!r}, the same command goes on from there\n"
-    done = start(folder, whole.scene)
-    out, text = done.communicate()
-    assert (done.returncode, text) == (0, "")
-    assert out.startswith("finished: the time is over")
+    assert ended[0] == -signal.SIGKILL or ended[2] == -signal.SIGKILL
+    done = CliRunner().invoke(cli.main, words(folder, whole.scene))
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.startswith("finished: the time is over")
     same(saltation.open(folder), whole)
+    assert not list(folder.glob(".*"))
 
 
 @pytest.mark.parametrize("word", ["save_checkpoint", "write_status"])

@@ -236,7 +236,7 @@ class TestTwoExecutions:
 
     @pytest.mark.parametrize("name", ["sand", "gravel"])
     def test_the_same_jumps(self, name):
-        made = scene(name, run={"jumps": 4, "discard": 0}, history={"horizon": 100.0})
+        made = scene(name, run={"jumps": 2, "discard": 0}, history={"horizon": 100.0})
         with interpreted():
             plain = saltation.run(made)
         np.testing.assert_allclose(plain.jumps, saltation.run(made).jumps, rtol=1e-11, atol=1e-12)

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from all_cases import each
 from scene_cases import flown, scene
 
 import saltation
@@ -52,7 +53,7 @@ def test_the_table_has_every_scheme_kernel_and_solver():
     assert (len(listed), sum(one in ACCEPTED for one in listed)) == (261, 128)
 
 
-@pytest.mark.parametrize("one", ACCEPTED, ids=name_of)
+@each("one", ACCEPTED)
 def test_what_no_mathematics_bars_is_accepted(one):
     assert refusal(one) == ""
 
@@ -65,7 +66,7 @@ def hints(sentence):
         yield changes | dict.fromkeys(re.findall(r"[\w.]+\.[\w]+", out))
 
 
-@pytest.mark.parametrize("one", REFUSED, ids=name_of)
+@each("one", REFUSED)
 def test_a_refusal_says_why_and_what_flies_instead(one):
     sentence = refusal(one)
     assert sum(reason in sentence for reason in REASONS.values()) == 1

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from all_cases import each
 
 from saltation.grain import critical_shields
 from saltation.regressions import REGRESSIONS, bed_load, envelope, meyer_peter_mueller, wong_parker
@@ -26,7 +27,7 @@ CASES = [(name, rp, stage, row[i]) for (rp, stage), row in TABLE.items() for i, 
 
 
 class TestRegressions:
-    @pytest.mark.parametrize(("name", "rp", "stage", "printed"), CASES)
+    @each("name, rp, stage, printed", CASES)
     def test_the_table_to_its_last_digit(self, name, rp, stage, printed):
         height, length, speed = REGRESSIONS[name](rp, stage)
         assert f"{height:.2f}/{length:.1f}/{speed:.2f}" == printed
@@ -39,7 +40,7 @@ class TestRegressions:
             with pytest.raises(dataclasses.FrozenInstanceError):
                 regression.name = "other"
 
-    @pytest.mark.parametrize("regression", REGRESSIONS.values(), ids=NAMES)
+    @each("regression", REGRESSIONS.values())
     def test_arrays_elementwise(self, regression):
         rp, stage = np.array([[73.0], [250.0], [1000.0]]), np.array([0.0, 0.5, 1.0, 1.5, 4.0])
         whole = regression(rp, stage)
@@ -47,13 +48,13 @@ class TestRegressions:
         for i, j in np.ndindex(3, 5):
             assert np.allclose([quantity[i, j] for quantity in whole], regression(float(rp[i, 0]), float(stage[j])), rtol=1e-14)
 
-    @pytest.mark.parametrize("regression", REGRESSIONS.values(), ids=NAMES)
+    @each("regression", REGRESSIONS.values())
     def test_nothing_jumps_at_and_below_the_threshold(self, regression):
         assert np.array_equal(regression(73.0, [0.0, 0.3, 1.0]), np.zeros((3, 3)))
         assert all(quantity > 0.0 for quantity in regression(73.0, 1.001))
 
-    @pytest.mark.parametrize(
-        ("name", "powers"),
+    @each(
+        "name, powers",
         [("lee_hsu_1994", (0.575, 0.788, 0.174)), ("sklar_dietrich_2004", (0.5, 0.88, 0.56)), ("van_rijn_1984", (0.5, 0.9, 0.6))],
     )
     def test_powers_of_the_excess(self, name, powers):
@@ -82,8 +83,8 @@ class TestRegressions:
         assert round(critical_shields(73.0), 4) == 0.0323
         assert round(critical_shields(250.0), 4) == 0.0394
 
-    @pytest.mark.parametrize(
-        ("rp", "stage", "error", "sentence"),
+    @each(
+        "rp, stage, error, sentence",
         [
             ("73", 2.0, TypeError, r"particle_reynolds must be an array of real numbers, got '73'"),
             (True, 2.0, TypeError, r"particle_reynolds must be an array of real numbers, got True"),

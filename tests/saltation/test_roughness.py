@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from all_cases import each
 from scipy import stats
 
 from saltation.bed.roughness import (
@@ -50,7 +51,7 @@ def velocities(count, seed):
 
 
 class TestTheRelation:
-    @pytest.mark.parametrize("name", ["R1", "R5", "R7"])
+    @each("name", ["R1", "R5", "R7"])
     def test_the_drawn_angle_satisfies_it(self, name):
         """r/d = ½ (cos θ_b − tan θ_in sin θ_b) for r/d ∈ U(0, ½), thesis (3-5)."""
         for incidence in INCIDENCES[:-1]:
@@ -88,7 +89,7 @@ class TestTheRelation:
 
 
 class TestClip:
-    @pytest.mark.parametrize("name", ["R1", "R5", "R7"])
+    @each("name", ["R1", "R5", "R7"])
     def test_never_steeper_than_30_degrees_and_the_flag_says_when(self, name):
         for incidence in INCIDENCES:
             theta, clipped = thetas(name, CLIP, incidence, 500)
@@ -108,7 +109,7 @@ class TestClip:
 
 
 class TestReject:
-    @pytest.mark.parametrize("name", TOUCHING)
+    @each("name", TOUCHING)
     def test_within_30_degrees(self, name):
         for incidence in INCIDENCES:
             theta, clipped = thetas(name, REJECT, incidence, 500)
@@ -116,8 +117,8 @@ class TestReject:
             assert theta.min() >= -1e-8
             assert not clipped.any()
 
-    @pytest.mark.parametrize("degrees", [2.0, 15.0, 40.0, 75.0])
-    @pytest.mark.parametrize("least", [0.0, 0.2])
+    @each("degrees", [2.0, 15.0, 40.0, 75.0])
+    @each("least", [0.0, 0.2])
     def test_it_is_the_literal_draw_made_again_beyond_30_degrees(self, degrees, least):
         literal, _ = thetas("R1", LITERAL, math.radians(degrees), 20000, 6, least)
         rejected, _ = thetas("R1", REJECT, math.radians(degrees), 4000, 7, least)
@@ -142,7 +143,7 @@ class TestReject:
 
 
 class TestPrintedBounds:
-    @pytest.mark.parametrize("name", ["R6", "R8"])
+    @each("name", ["R6", "R8"])
     def test_as_printed_every_contact_is_steeper_than_30_degrees(self, name):
         """The printed range, r from 0 to r(30°), is the wrong side of the limit."""
         for incidence in INCIDENCES[np.cos(INCIDENCES + STEEPEST) > 1e-9]:
@@ -176,7 +177,7 @@ def traced(incidence, count, seed):
 
 
 class TestSpheres:
-    @pytest.mark.parametrize("degrees", [2.0, 10.0, 20.0, 29.0, 31.0, 50.0, 80.0])
+    @each("degrees", [2.0, 10.0, 20.0, 29.0, 31.0, 50.0, 80.0])
     def test_the_draw_is_that_of_paths_over_a_row_of_spheres(self, degrees):
         incidence = math.radians(degrees)
         theta, _ = thetas("R1", SPHERES, incidence, 3000, 11)
@@ -185,7 +186,7 @@ class TestSpheres:
         assert math.degrees(abs(theta.max() - paths.max())) < 0.3
         assert math.degrees(abs(theta.min() - paths.min())) < 3.0  # few paths graze
 
-    @pytest.mark.parametrize("name", TOUCHING)
+    @each("name", TOUCHING)
     def test_within_30_degrees_and_never_beyond_grazing(self, name):
         """In the plane of motion the grain always closes: its velocity along the normal is into the bed."""
         for incidence in INCIDENCES:
@@ -212,7 +213,7 @@ class TestSpheres:
 
 
 class TestPlanesAndUniform:
-    @pytest.mark.parametrize("name", ["R2", "R3"])
+    @each("name", ["R2", "R3"])
     def test_within_4_degrees_whatever_the_incidence(self, name):
         both = np.array([angles(bed(name), incidence, 0.3, d)[:2] for incidence in INCIDENCES for d in draws(300, 15)])
         assert np.abs(both).max() <= TILT
@@ -259,7 +260,7 @@ class TestPlanesAndUniform:
                 least = min(angles(b, 0.3, 0.3, d)[0] for d in draws(200, 30))
                 assert faces_downstream(b) == (least < -1e-6), (name, reading)
 
-    @pytest.mark.parametrize("name", ["R7", "R8"])
+    @each("name", ["R7", "R8"])
     def test_across_as_r4(self, name):
         for d in draws(100, 18):
             assert angles(bed(name), 0.2, 0.3, d)[1] == angles(bed("R4"), 0.2, 0.3, d)[1]
@@ -271,8 +272,8 @@ class TestPlanesAndUniform:
 
 
 class TestFacing:
-    @pytest.mark.parametrize("reading", range(len(READINGS)), ids=READINGS)
-    @pytest.mark.parametrize("name", ROUGHNESS)
+    @each("reading", range(len(READINGS)))
+    @each("name", ROUGHNESS)
     def test_normals_are_unit_vectors_into_the_water(self, name, reading):
         for v, d in zip(velocities(200, 21), draws(200, 22), strict=True):
             n, height, theta, _ = contact_plane(bed(name, reading), *v, d)
@@ -290,7 +291,7 @@ class TestFacing:
         assert height == pytest.approx(math.cos(theta) * math.cos(alpha) - 0.25, abs=1e-15)
         assert tilt == pytest.approx(theta, abs=1e-15)
 
-    @pytest.mark.parametrize("name", ROUGHNESS)
+    @each("name", ROUGHNESS)
     def test_mirrored_for_motion_upstream_and_to_the_right(self, name):
         for v, d in zip(velocities(100, 23), draws(100, 24), strict=True):
             u, across, w = abs(v[0]), abs(v[1]), v[2]
@@ -298,8 +299,8 @@ class TestFacing:
             assert contact_plane(bed(name), -u, across, w, d) == ((-n[0], n[1], n[2]), *rest)
             assert contact_plane(bed(name), u, -across, w, d) == ((n[0], -n[1], n[2]), *rest)
 
-    @pytest.mark.parametrize("reading", range(len(READINGS)), ids=READINGS)
-    @pytest.mark.parametrize("name", ["R1", "R5", "R6"])
+    @each("reading", range(len(READINGS)))
+    @each("name", ["R1", "R5", "R6"])
     def test_without_motion_across_there_is_no_tilt_across(self, name, reading):
         for d in draws(100, 25):
             n, *_ = contact_plane(bed(name, reading), 4.0, 0.0, -1.0, d)
@@ -312,8 +313,8 @@ class TestFacing:
                 assert n[1] == 0.0
                 assert theta == contact_plane(bed(name), *v, d)[2]
 
-    @pytest.mark.parametrize("reading", range(len(READINGS)), ids=READINGS)
-    @pytest.mark.parametrize("name", ROUGHNESS)
+    @each("reading", range(len(READINGS)))
+    @each("name", ROUGHNESS)
     def test_every_incidence_is_finite(self, name, reading):
         """Straight down, nearly so, level, upwards, at rest; draws at the ends of their range."""
         speeds = (0.0, 1e-300, 1e-17, 1e-9, 1.0, -1e-9, -1.0)
