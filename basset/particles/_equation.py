@@ -32,13 +32,17 @@ OF_VELOCITY, OF_GRADIENT, OF_MATERIAL, OF_DRAG = range(4)
 # numbers
 DENSITY_RATIO, ADDED_MASS, GRAVITY, RATE, LIFT, REYNOLDS, STEP, TIME_STEP = 0, 1, 2, 5, 6, 7, 8, 9
 KINDS = ("weight", "drag", "added_mass", "pressure_gradient", "lift", "history")
-SAFFMAN = 1.615  # 6.46/4, Saffman (1965), corrigendum 1968
 
 
 class Work(np.ndarray[Any, Any]):
     """The work space of one thread where users' functions are plain: it carries them."""
 
-    functions: Any
+    functions: Any = None
+
+
+def work_space() -> Work:
+    """Zeros."""
+    return np.zeros((ROWS, WIDTH)).view(Work)
 
 
 def opened(work: Any) -> tuple[Any, Any, Any]:
@@ -205,7 +209,7 @@ def drag_rate(t: float, square: float, words: Any, functions: Any, numbers: Any,
 
 @shared
 def lift(d: int, w: Any, numbers: Any, scratch: Any) -> None:
-    """k |ω|^(−1/2) ω × w into scratch[FORCE], per fluid mass; w in scratch[VELOCITY]; Saffman (1965) in the form of Crowe, Sommerfeld & Tsuji (1998)."""
+    """Lift k |ω|^(−1/2) ω × w into scratch[FORCE], per fluid mass; Saffman (1965) in the form of Crowe, Sommerfeld & Tsuji (1998)."""
     g = GRADIENT_AT
     z = scratch[FIELD, g + 3] - scratch[FIELD, g + 1]
     x = scratch[FIELD, g + 7] - scratch[FIELD, g + 5] if d == 3 else 0.0

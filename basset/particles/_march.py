@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from basset._compile import call, compiled, is_compiled, placed, shared, tabulate
 from basset.kernels import Floats
 from basset.particles._sources import Sources
-from basset.solvers import events, stepper
+from basset.solvers import stepper
 from basset.solvers._graded import Integration
 from basset.solvers._many import RECORDED, STATUS, UNDONE, Columns, march_many
 from basset.solvers.base import MESSAGES, Event, Piece, SolverError, Task, Trace, off_surfaces
@@ -154,12 +155,18 @@ class Swarm:
             return self._stepwise()
         d, times = n // 2, len(self.wanted)
         found = Paths(
-            self.wanted, np.full((count, times, n), np.nan), np.full((count, times, d), np.nan), np.zeros(count, dtype=np.int32), np.zeros(count), {}, Occurrences()
+            self.wanted,
+            np.full((count, times, n), np.nan),
+            np.full((count, times, d), np.nan),
+            np.zeros(count, dtype=np.int32),
+            np.zeros(count),
+            {},
+            Occurrences(),
         )
         share = -(-count // workers)
         edges = [*range(0, count, share), count]
         with ThreadPoolExecutor(workers) as pool:
-            parts = list(pool.map(lambda ends: self._block(*ends, found), pairwise(edges)))
+            parts = list(pool.map(lambda ends: self._block(ends[0], ends[1], found), pairwise(edges)))
         for part in parts:
             for name in ("particle", "event", "time", "state"):
                 getattr(found.occurrences, name).extend(getattr(part, name))
@@ -215,10 +222,10 @@ class Swarm:
         arguments[:, 1:] = self.scales[first:last].view(np.int64)
         if any(event.jump is not None and event.direction for event in task.events):
             starts = np.array([off_surfaces(self._task(j, work)).y0 for j in range(first, last)])
-        active = one.active
+        active, whole = one.active, partial(np.zeros, count, dtype=np.int64)
         columns = Columns(
             starts, self.slips[first:last][:, active].copy(), np.tile(task.coefficient[active], (count, 1)), arguments, one.arguments,
-            np.full(count, UNDONE), *(np.zeros(count, dtype=np.int64) for _ in range(3)), np.zeros(count), np.zeros((count, n)),
+            np.full(count, UNDONE), whole(), whole(), whole(), np.zeros(count), np.zeros((count, n)),
         )  # fmt: skip
         motion, log, start = placed(one.free), placed(one.events), one.state.control.copy()
         table, states, histories = placed(columns), found.states[first:last], found.histories[first:last]
@@ -308,7 +315,7 @@ class Swarm:
     def _history(self, task: Task, piece: Piece, t: float, state: Floats) -> Floats:
         d, theta = len(task.memory), min((t - piece.start) / piece.length, 1.0)
         rates = np.asarray(task.function(t, state.copy(), *task.args))
-        return slopes(piece, theta)[-d:] - rates[-d:]
+        return np.asarray(slopes(piece, theta)[-d:] - rates[-d:])
 
     def _stepwise(self) -> Paths:
         """One particle at the ends of its steps; the time of a jump twice, before and after."""

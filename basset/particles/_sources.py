@@ -37,8 +37,8 @@ class Sources:
 
     def bound(self) -> tuple[Floats, Any]:
         """The work space for a thread, and what it has to keep alive."""
-        d, work = self.dimensions, np.zeros((eq.ROWS, eq.WIDTH))
-        words = work[eq.WORDS].view(np.int64)
+        d, work = self.dimensions, eq.work_space()
+        words = np.asarray(work)[eq.WORDS].view(np.int64)
         work[eq.NUMBERS, : len(self.numbers)] = self.numbers
         words[eq.DIMENSIONS] = d
         words[eq.DRAG] = {"stokes": eq.STOKES, "schiller_naumann": eq.SCHILLER_NAUMANN}.get(self.drag if isinstance(self.drag, str) else "", eq.OWN)
@@ -53,14 +53,13 @@ class Sources:
         laws = (velocity, d), (gradient, d * d), (material, d), (self.drag, 1)
         kept: list[Any] = []
         if self.fast:
-            functions = work[eq.FUNCTIONS].view(np.int64).reshape(-1, 2)
+            functions = np.asarray(work)[eq.FUNCTIONS].view(np.int64).reshape(-1, 2)
             for k, (law, size) in enumerate(laws):
                 if callable(law) and not isinstance(law, Flow):
                     kept.append(np.zeros(size, dtype=np.int64))
                     made = {eq.OF_GRADIENT: _flattened, eq.OF_DRAG: _of_number}.get(k, _itself)(law)
                     functions[k] = c_function(made, (), kept[-1], k == eq.OF_DRAG)
         else:
-            work = work.view(eq.Work)
             work.functions = [None] * len(laws)
             what = f"{d} components", f"{d} x {d} entries", f"{d} components", "a number"
             names = "velocity", "gradient", "material_derivative", "drag"
@@ -68,7 +67,7 @@ class Sources:
                 if callable(law):
                     shape = ((d,), (d, d), (d,), ())[k]
                     work.functions[k] = partial(_filled, law, f"{names[k]} must return {what[k]}", shape)
-        return work, kept
+        return np.asarray(work) if self.fast else work, kept
 
     @property
     def motion(self) -> Callable[..., Any]:
@@ -188,8 +187,8 @@ def read_grid(flow: Flow, words: Any) -> None:
 
 def gridded(flow: Flow) -> Floats:
     """The work space for a flow alone."""
-    work = np.zeros((eq.ROWS, eq.WIDTH)).view(eq.Work)
-    words, work.functions = np.asarray(work)[eq.WORDS].view(np.int64), None
+    work = eq.work_space()
+    words = np.asarray(work)[eq.WORDS].view(np.int64)
     words[eq.DIMENSIONS] = flow.dimensions
     read_grid(flow, words)
     return np.asarray(work) if jit() else work

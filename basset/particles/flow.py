@@ -107,12 +107,12 @@ class Flow:
             if odd:
                 raise ValueError(f"{variable} must have the dimensions time, x, y, z alone, got {odd[0]!r}; rename it, or select one of its entries")
         for variable in names:
-            values = _validate.real_array(variable, ds[variable].values)
-            if not np.isfinite(values).all():
-                raise ValueError(f"{variable} must have no missing values, got {int((~np.isfinite(values)).sum())} that are not finite: {_validate.FILL}")
+            missed = int((~np.isfinite(_validate.real_array(variable, ds[variable].values))).sum())
+            if missed:
+                raise ValueError(f"{variable} must have no missing values, got {missed} that are not finite: {_validate.FILL}")
         import xarray
 
-        values = np.stack([one.transpose(*used).values.astype(np.float64) for one in xarray.broadcast(*(ds[variable] for variable in names))], axis=-1)
+        values: Floats = np.stack([one.transpose(*used).values.astype(np.float64) for one in xarray.broadcast(*(ds[variable] for variable in names))], axis=-1)
         axes: list[tuple[Floats, float]] = []
         for number, name in enumerate(AXES):
             if name not in used:
@@ -214,10 +214,8 @@ def _points(ds: Any, name: str) -> Floats:
     """The places along a dimension, checked."""
     if name not in ds.coords:
         raise ValueError(f"the dataset must have coordinates along {name}, got none")
-    points = ds[name].values
-    if points.dtype.kind in "mM":
-        points = (points - points[0]) / np.timedelta64(1, "s")
-    points = _validate.real_array(name, points)
+    given = ds[name].values
+    points = _validate.real_array(name, (given - given[0]) / np.timedelta64(1, "s") if given.dtype.kind in "mM" else given)
     if not (np.isfinite(points).all() and (np.diff(points) > 0.0).all()):
         raise ValueError(f"{name} must be finite and rise from point to point, got {_validate.shown(points)}")
     return points
