@@ -1,0 +1,340 @@
+"""Many particles, one after the other in compiled code, and what is wanted of each: states and what the history adds, at given times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from basset._compile import call, compiled, is_compiled, placed, shared, tabulate
+from basset.kernels import Floats
+from basset.particles._sources import Sources
+from basset.solvers import stepper
+from basset.solvers._graded import Integration
+from basset.solvers._many import RECORDED, STATUS, UNDONE, Columns, march_many
+from basset.solvers.base import MESSAGES, Event, Piece, SolverError, Task, Trace, off_surfaces
+
+LEFT = 3  # status of a particle that left the grid
+STATUSES = {**MESSAGES, LEFT: "The particle left the grid of its flow."}
+
+
+@dataclass
+class Occurrences:
+    """What happened: lists of equal length."""
+
+    particle: list[int] = field(default_factory=list)
+    event: list[int] = field(default_factory=list)
+    time: list[float] = field(default_factory=list)
+    state: list[Floats] = field(default_factory=list)
+
+
+@dataclass
+class Paths:
+    """States (particle, time, state), what the history adds to the rate of the slip there (particle, time, component), both scaled; the ends."""
+
+    times: Floats
+    states: Floats
+    histories: Floats
+    status: Any
+    ends: Floats
+    messages: dict[int, str]
+    occurrences: Occurrences
+
+
+@shared
+def slope_at(polynomial: Floats, kind: int, h: float, theta: float, a: int) -> float:
+    """Rate of state a at θ of a step, from its Legendre coefficients."""
+    q = math.sqrt(theta) if kind == 1 else theta
+    x = 2.0 * q - 1.0
+    older, newer = 1.0, x  # P_0, P_1
+    slope_older, slope_newer = 0.0, 1.0
+    total: float = polynomial[1, a]
+    for d in range(2, len(polynomial)):
+        older, newer, slope = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d, slope_older + (2 * d - 1) * newer
+        slope_older, slope_newer = slope_newer, slope
+        total += polynomial[d, a] * slope
+    return 2.0 * total / h / (2.0 * q if kind == 1 else 1.0)
+
+
+def _make_sample(digest: str) -> Callable[..., Any]:
+    def sample(fun, p, record, columns, wanted, first, last, felt, states, histories, row, polynomial):
+        """States and histories of systems first … last − 1 at the wanted times up to each one's end; `felt`: whether the history acts."""
+        digest  # noqa: B018 - part of the cache key
+        begun = 0
+        for j in range(first, last):
+            done, code = columns.steps[j], columns.codes[j]
+            if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+                begun = done
+                continue
+            for a in range(columns.arguments.shape[1]):
+                columns.tables[0, a] = columns.arguments[j, a]
+            end, n, members = columns.time[j], columns.y0.shape[1], histories.shape[2]
+            k, fitted = begun - 1, -1
+            for i in range(len(wanted)):
+                t = wanted[i]
+                if t > end:
+                    break
+                while k + 1 < done and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
+                    k += 1
+                while k > begun and record.share[k] == 0.0:
+                    k -= 1
+                kept = k
+                theta = (t - record.start[k]) / record.size[k] if k >= begun else 0.0
+                jumps = k == begun or (k > begun and record.leapt[k - 1] != 0.0)
+                if theta <= 0.0 and not jumps and k > begun:  # the end of the step before
+                    k -= 1
+                    theta = record.share[k]
+                theta = min(max(theta, 0.0), record.share[k] if k >= begun else 0.0)
+                if k >= begun and fitted != k:
+                    kind, h = int(record.kind[k]), record.size[k]
+                    stepper.fit_polynomial(p.nodes, kind, h, record.values[k], polynomial)
+                    fitted = k
+                for a in range(n):
+                    if k < begun:
+                        states[j, i, a] = columns.y0[j, a]
+                    elif t >= end:
+                        states[j, i, a] = columns.y[j, a]
+                    elif theta == 0.0:
+                        states[j, i, a] = record.y[k, a]
+                    else:
+                        states[j, i, a] = stepper.at(polynomial, record.y[k], int(record.kind[k]), theta, a)
+                    row[0, a] = states[j, i, a]
+                if felt and k >= begun:
+                    if theta == 0.0:  # right behind a jump
+                        for a in range(members):
+                            b = n - members + a
+                            leap = columns.slip[j, a] if k == begun else record.after[k - 1, b] - record.before[k - 1, b]
+                            histories[j, i, a] = -math.copysign(math.inf, leap) if leap != 0.0 else 0.0
+                    else:
+                        call(fun, t, row, 0, row, 1, row)
+                        for a in range(members):
+                            b = n - members + a
+                            histories[j, i, a] = slope_at(polynomial, int(record.kind[k]), record.size[k], theta, b) - row[1, b]
+                k = kept
+            begun = done
+
+    return sample
+
+
+sample = compiled(_make_sample, usually="some 3 s")
+
+
+def slopes(piece: Piece, theta: float) -> Floats:
+    """Rates at θ > 0 of a piece, which is a polynomial in √θ: by interpolation at Chebyshev points."""
+    degree = 26
+    points = 0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree))
+    coefficients = np.polynomial.chebyshev.chebfit(2.0 * points - 1.0, piece.values(points**2), degree)
+    derivative = np.polynomial.chebyshev.chebder(coefficients)
+    root = math.sqrt(theta)
+    return np.asarray(np.polynomial.chebyshev.chebval(2.0 * root - 1.0, derivative) / (root * piece.length))
+
+
+@dataclass
+class Swarm:
+    """Particles alike but for their start and their scales."""
+
+    sources: Sources
+    task: Task  # of the first one, checked
+    method: Any
+    starts: Floats  # (particle, state), scaled
+    slips: Floats  # (particle, component), scaled: what is remembered of the start
+    scales: Floats  # (particle, 2): length, speed
+    wanted: Floats | None
+    leaves: int  # number of the event that is the end of the grid; −1 without
+
+    def paths(self, workers: int) -> Paths:
+        """All of them, over threads."""
+        count, n = self.starts.shape
+        if self.wanted is None:
+            return self._stepwise()
+        d, times = n // 2, len(self.wanted)
+        found = Paths(
+            self.wanted,
+            np.full((count, times, n), np.nan),
+            np.full((count, times, d), np.nan),
+            np.zeros(count, dtype=np.int32),
+            np.zeros(count),
+            {},
+            Occurrences(),
+        )
+        share = -(-count // workers)
+        edges = [*range(0, count, share), count]
+        with ThreadPoolExecutor(workers) as pool:
+            parts = list(pool.map(lambda ends: self._block(ends[0], ends[1], found), pairwise(edges)))
+        for part in parts:
+            for name in ("particle", "event", "time", "state"):
+                getattr(found.occurrences, name).extend(getattr(part, name))
+        return found
+
+    def _task(self, j: int, work: Any) -> Task:
+        """The task of one particle."""
+        args = (work, float(self.scales[j, 0]), float(self.scales[j, 1]))
+        listed = [Event(event.function, args, event.index, event.terminal, event.direction, event.jump) for event in self.task.events]
+        return replace(self.task, y0=self.starts[j].copy(), slip=self.slips[j].copy(), args=args, data=args, events=listed)
+
+    def _felt(self) -> bool:
+        return bool((self.task.coefficient > 0.0).any())
+
+    def _ended(self, status: int, events_seen: Any) -> int:
+        """The status, LEFT where the last event was the end of the grid."""
+        return LEFT if status == 1 and len(events_seen) and events_seen[-1] == self.leaves else status
+
+    def _block(self, first: int, last: int, found: Paths) -> Occurrences:
+        """Particles first … last − 1, by one thread."""
+        work, kept = self.sources.bound()
+        seen = Occurrences()
+        tasks = [self._task(first, work)]
+        one = self._prepared(tasks[0])
+        if one is None:
+            for j in range(first, last):
+                self._alone(j, self._task(j, work), found, seen)
+        else:
+            self._marched(one, work, first, last, found, seen)
+        del kept
+        return seen
+
+    def _prepared(self, task: Task) -> Integration | None:
+        """The set-up of compiled code for all particles of a block; None where they have to be solved one by one."""
+        fast = is_compiled(task.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in task.events)
+        if not fast or not hasattr(self.method, "stages"):
+            return None
+        try:
+            one = Integration(self.method, task, Trace([task.start], [task.y0.copy()], []))
+        except SolverError:
+            return None
+        return one if len(one.tables.unit.local) else None
+
+    def _marched(self, one: Integration, work: Any, first: int, last: int, found: Paths, seen: Occurrences) -> None:
+        task, count, wanted = one.task, last - first, self.wanted
+        assert wanted is not None
+        n = len(task.y0)
+        one.record = one.record_of(RECORDED)
+        one.tables.fill_all()
+        _, (attempt, watch, watching, parts, _, most, record, _) = one.bind()
+        tabulate(row := np.zeros(one.arguments.shape[1] - n, dtype=np.int64), task.data or ())
+        arguments, starts = np.tile(row, (count, 1)), self.starts[first:last].copy()
+        arguments[:, 1:] = self.scales[first:last].view(np.int64)
+        if any(event.jump is not None and event.direction for event in task.events):
+            starts = np.array([off_surfaces(self._task(j, work)).y0 for j in range(first, last)])
+        active, whole = one.active, partial(np.zeros, count, dtype=np.int64)
+        columns = Columns(
+            starts, self.slips[first:last][:, active].copy(), np.tile(task.coefficient[active], (count, 1)), arguments, one.arguments,
+            np.full(count, UNDONE), whole(), whole(), whole(), np.zeros(count), np.zeros((count, n)),
+        )  # fmt: skip
+        motion, log, start = placed(one.free), placed(one.events), one.state.control.copy()
+        table, states, histories = placed(columns), found.states[first:last], found.histories[first:last]
+        row, polynomial = np.zeros((2, n)), np.zeros_like(one.work.polynomial)
+        done = 0
+        while done < count:
+            one.events.logged[0] = 0
+            end = march_many(attempt, watch, watching, parts, motion, log, start, most, record, table, done)
+            sample(one.free.fun, parts, record, table, wanted, done, end, self._felt(), states, histories, row, polynomial)
+            logged = 0
+            for j in range(done, end):
+                happened = slice(logged, int(columns.logged[j]))
+                logged = int(columns.logged[j])
+                if columns.codes[j] not in STATUS:
+                    self._alone(first + j, self._task(first + j, work), found, seen)
+                    continue
+                which = one.events.log_events[happened]
+                found.status[first + j] = self._ended(STATUS[int(columns.codes[j])], which)
+                found.ends[first + j] = columns.time[j]
+                if len(which):
+                    seen.particle += [first + j] * len(which)
+                    seen.event += which.tolist()
+                    seen.time += one.events.log_times[happened].tolist()
+                    seen.state += list(one.events.log_states[happened].copy())
+            done = end
+
+    def _solved(self, task: Task) -> Trace:
+        """One particle by itself; what goes wrong is a status."""
+        trace = Trace([task.start], [task.y0.copy()], [])
+        try:
+            task = off_surfaces(task)
+            self.method._integrate(task, trace)
+        except SolverError as error:
+            trace.status, trace.message = -1, str(error) + "."
+        whole = np.isfinite(trace.states).all(axis=1)
+        if not whole.all():
+            last = max(1, int(whole.argmin()))
+            if trace.status >= 0:
+                trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
+            trace.times, trace.states = trace.times[:last], trace.states[:last]
+            trace.pieces = [piece for piece in trace.pieces if piece.end <= trace.times[-1]]
+        return trace
+
+    def _log(self, j: int, task: Task, seen: Occurrences) -> list[int]:
+        """Note what happened to a particle, in the order of time; the events."""
+        order = sorted((time, event.index, k) for event in task.events for k, time in enumerate(event.times))
+        for time, index, k in order:
+            seen.particle.append(j)
+            seen.event.append(index)
+            seen.time.append(time)
+            seen.state.append(task.events[index].states[k])
+        return [index for _, index, _ in order]
+
+    def _alone(self, j: int, task: Task, found: Paths, seen: Occurrences) -> None:
+        """One particle at the wanted times."""
+        trace = self._solved(task)
+        starts = np.array([piece.start for piece in trace.pieces])
+        leaps = {event.times[k] for event in task.events if event.jump is not None for k in range(len(event.times))}
+        assert self.wanted is not None
+        for i, t in enumerate(self.wanted):
+            if t > trace.times[-1]:
+                break
+            found.states[j, i], found.histories[j, i] = self._at(task, trace, starts, leaps, float(t))
+        found.status[j], found.ends[j] = self._ended(trace.status, self._log(j, task, seen)), trace.times[-1]
+        if trace.status < 0:
+            found.messages[j] = trace.message
+
+    def _at(self, task: Task, trace: Trace, starts: Floats, leaps: set[float], t: float) -> tuple[Floats, Floats]:
+        """State and history at a time; at a jump those after it."""
+        d, history = len(task.memory), np.zeros(len(task.memory))
+        if t >= trace.times[-1]:
+            state, k = trace.states[-1], len(starts) - 1
+        else:
+            k = int(np.searchsorted(starts, t, side="right")) - 1
+            state = trace.pieces[k].at(np.array([t]))[0]
+        if not self._felt() or not trace.pieces:
+            return state, history
+        if t == task.start or (t in leaps and t < trace.times[-1]):
+            leap = task.slip
+            if t > task.start:
+                leap = state[-d:] - trace.pieces[k - 1].values(np.ones(1))[0][-d:]
+            return state, np.where(leap != 0.0, -np.copysign(np.inf, leap), 0.0)
+        if t <= trace.pieces[k].start:
+            k -= 1
+        return state, self._history(task, trace.pieces[k], t, state)
+
+    def _history(self, task: Task, piece: Piece, t: float, state: Floats) -> Floats:
+        d, theta = len(task.memory), min((t - piece.start) / piece.length, 1.0)
+        rates = np.asarray(task.function(t, state.copy(), *task.args))
+        return np.asarray(slopes(piece, theta)[-d:] - rates[-d:])
+
+    def _stepwise(self) -> Paths:
+        """One particle at the ends of its steps; the time of a jump twice, before and after."""
+        work, kept = self.sources.bound()
+        task, seen = self._task(0, work), Occurrences()
+        trace = self._solved(task)
+        times, states = np.array(trace.times), np.array(trace.states)
+        histories, d = np.zeros((len(times), states.shape[1] // 2)), states.shape[1] // 2
+        if self._felt():
+            ends = np.array([piece.end for piece in trace.pieces])
+            for i, t in enumerate(times):
+                twice = i > 0 and t == times[i - 1]
+                leap = self.slips[0] if i == 0 else states[i, -d:] - states[i - 1, -d:] if twice else np.zeros(d)
+                if i == 0 or twice:
+                    histories[i] = np.where(leap != 0.0, -np.copysign(np.inf, leap), 0.0)
+                elif len(ends):
+                    k = int(np.argmin(np.abs(ends - t)))
+                    histories[i] = self._history(task, trace.pieces[k], t, states[i])
+        status = self._ended(trace.status, self._log(0, task, seen))
+        del kept
+        messages = {0: trace.message} if trace.status < 0 else {}
+        return Paths(times, states[None], histories[None], np.array([status], dtype=np.int32), times[-1:].copy(), messages, seen)

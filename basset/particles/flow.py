@@ -1,0 +1,236 @@
+"""A flow that is given on a grid: one smooth interpolant, whose derivatives are those of the interpolant itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basset import _validate
+from basset.kernels import Floats
+
+AXES = ("time", "x", "y", "z")
+FEWEST = 4  # points of an axis, for cubic pieces
+
+
+class Flow:
+    """Velocities on a rectilinear grid in space and time, as tensor products of cubic B-splines; made by `Flow.from_dataset`.
+
+    Value, gradient and material derivative are those of one interpolant, with continuous second derivatives. Its error falls with the fourth power of the
+    spacing, that of its derivatives with the third. A particle that leaves a bounded grid stops there: nothing is extrapolated.
+
+    References
+    ----------
+    de Boor (1978), A Practical Guide to Splines.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray
+    >>> x = np.linspace(-1.0, 1.0, 9)
+    >>> grid = {"x": x, "y": x}
+    >>> flow = Flow.from_dataset(xarray.Dataset({"u": (("x", "y"), -np.add.outer(0 * x, x)), "v": (("x", "y"), np.add.outer(x, 0 * x))}, grid))
+    >>> flow(0.0, [0.3, 0.4]).round(12), flow.gradient(0.0, [0.3, 0.4]).round(12)  # u = (−y, x)
+    (array([-0.4,  0.3]), array([[ 0., -1.],
+           [ 1.,  0.]]))
+    """
+
+    def __init__(self, axes: list[tuple[Floats, float]], values: Floats) -> None:
+        from scipy.interpolate import make_interp_spline
+
+        self.dimensions = values.shape[-1]
+        knots: list[Floats] = []
+        self.table = np.zeros((4, 8))  # count of coefficients, place of the knots, ends, period
+        for axis, (points, period) in enumerate(axes):
+            self.table[axis, :5] = 1, sum(map(len, knots)), -np.inf, np.inf, 0.0
+            if len(points) == 1:
+                continue
+            spline = make_interp_spline(points, np.moveaxis(values, axis, 0), k=3, bc_type="periodic" if period else None)
+            values = np.moveaxis(spline.c, 0, axis)
+            self.table[axis, :5] = len(spline.t) - 4, sum(map(len, knots)), points[0], points[-1], period
+            knots.append(spline.t)
+        self.knots, self.coefficients = np.concatenate(knots), np.ascontiguousarray(values)
+        self.bounds = np.array([(-np.inf, np.inf) if period or len(points) == 1 else (points[0], points[-1]) for points, period in axes])
+
+    @classmethod
+    def from_dataset(cls, ds: Any, components: Sequence[str] = ("u", "v", "w"), periodic: Mapping[str, float] | None = None) -> Flow:
+        """The flow of a dataset.
+
+        Parameters
+        ----------
+        ds : xarray.Dataset
+            Velocities in m/s over the dimensions x, y (and z) in m and, if the flow changes, time in s (datetimes: seconds since the first), in any order, four
+            points or more along each, rising.
+        components : sequence of str, one per dimension of space
+            Names of the variables along x, y (and z). For a grid without z the third name is not used.
+        periodic : mapping of str to float, or None; m (time: s)
+            Period along the dimensions that have one. The grid spans it, with or without its last point, which equals the first.
+
+        Returns
+        -------
+        Flow
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the dataset holds something else, or misses values.
+
+        Examples
+        --------
+        >>> import numpy as np, xarray
+        >>> x, y = np.arange(16) * 2.0 * np.pi / 16, np.linspace(0.0, 1.0, 4)
+        >>> waves = xarray.Dataset({"u": (("x", "y"), np.outer(np.sin(x), y)), "v": (("x", "y"), 0.0 * np.outer(x, y))}, {"x": x, "y": y})
+        >>> flow = Flow.from_dataset(waves, periodic={"x": 2.0 * np.pi})
+        >>> bool(abs(flow(0.0, [9.0, 1.0])[0] - np.sin(9.0)) < 1e-3)
+        True
+        """
+        if not hasattr(ds, "data_vars"):
+            raise TypeError(f"ds must be an xarray.Dataset, got {_validate.shown(ds)}")
+        names = [components] if isinstance(components, str) else list(components)
+        space = [name for name in AXES[1:] if name in ds.dims]
+        if space not in (["x", "y"], ["x", "y", "z"]):
+            raise ValueError(f"ds must have the dimensions x and y (and z), rename those it has, got {', '.join(map(str, ds.dims)) or 'none'}")
+        if names == ["u", "v", "w"] and space == ["x", "y"]:
+            names = names[:2]
+        missing = [name for name in names if name not in ds.data_vars]
+        if missing:
+            raise ValueError(f"components must be variables of the dataset ({', '.join(map(str, ds.data_vars))}), got {missing[0]!r}")
+        if len(names) != len(space):
+            raise ValueError(f"components must be one for each of the dimensions x, y (and z) of the dataset, got {names} over {space}")
+        spans = dict(periodic or {})
+        for name in spans:
+            _validate.choice("periodic", name, [axis for axis in AXES if axis in ds.dims])
+        used = [name for name in AXES if any(name in ds[variable].dims for variable in names)]
+        for variable in names:
+            odd = [name for name in ds[variable].dims if name not in AXES]
+            if odd:
+                raise ValueError(f"{variable} must have the dimensions time, x, y, z alone, got {odd[0]!r}; rename it, or select one of its entries")
+        for variable in names:
+            missed = int((~np.isfinite(_validate.real_array(variable, ds[variable].values))).sum())
+            if missed:
+                raise ValueError(f"{variable} must have no missing values, got {missed} that are not finite: {_validate.FILL}")
+        import xarray
+
+        values: Floats = np.stack([one.transpose(*used).values.astype(np.float64) for one in xarray.broadcast(*(ds[variable] for variable in names))], axis=-1)
+        axes: list[tuple[Floats, float]] = []
+        for number, name in enumerate(AXES):
+            if name not in used:
+                if name in space:
+                    raise ValueError(f"the components must depend on {name}, which none of them has as a dimension")
+                values = np.expand_dims(values, number)
+                axes.append((np.zeros(1), 0.0))
+                continue
+            points, period = _points(ds, name), 0.0
+            if name in spans:
+                points, values, period = _closed(name, points, values, number, spans[name])
+            if len(points) < FEWEST:
+                raise ValueError(f"{name} must have {FEWEST} points or more, got {len(points)}")
+            axes.append((points, period))
+        return cls(axes, values)
+
+    def check(self, start: float, end: float, places: Floats) -> None:
+        """Whether the grid holds a time span (s) and positions (n, d) (m).
+
+        Parameters
+        ----------
+        start, end : float, seconds
+        places : ndarray (n, d), m
+
+        Raises
+        ------
+        ValueError
+            If it does not.
+        """
+        low, high = self.bounds[0]
+        if start < low or end > high:
+            raise ValueError(f"t_span must lie within the times of the flow, {low:g} s to {high:g} s, got ({start:g}, {end:g})")
+        space = self.bounds[1 : 1 + self.dimensions]
+        out = np.flatnonzero(((places < space[:, 0]) | (places > space[:, 1])).any(axis=1))
+        if len(out):
+            raise ValueError(f"position must lie within the grid of the flow, got {places[out[0]]} (particle {out[0]})")
+
+    def __call__(self, t: float, x: ArrayLike) -> Floats:
+        """Velocity, m/s.
+
+        Parameters
+        ----------
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
+
+        Returns
+        -------
+        ndarray (d,) or (n, d), m/s
+            Outside a bounded grid the outer pieces are continued: `maxey_riley` does not go there.
+        """
+        return self._at(t, x)[..., : self.dimensions]
+
+    def gradient(self, t: float, x: ArrayLike) -> Floats:
+        """∂u_i/∂x_j.
+
+        Parameters
+        ----------
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
+
+        Returns
+        -------
+        ndarray (d, d) or (n, d, d), 1/s
+        """
+        found, d = self._at(t, x), self.dimensions
+        return found[..., 3:12].reshape(*found.shape[:-1], 3, 3)[..., :d, :d]
+
+    def material_derivative(self, t: float, x: ArrayLike) -> Floats:
+        """Du/Dt = ∂u/∂t + (u·∇)u, the acceleration of the fluid.
+
+        Parameters
+        ----------
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
+
+        Returns
+        -------
+        ndarray (d,) or (n, d), m/s²
+
+        References
+        ----------
+        Auton, Hunt & Prud'homme (1988), J. Fluid Mech. 197, 241.
+        """
+        return self._at(t, x)[..., 12 : 12 + self.dimensions]
+
+    def _at(self, t: float, x: ArrayLike) -> Floats:
+        """All of it, as rows of `_equation.fields`."""
+        from basset.particles import _sources
+
+        time, places = _validate.number("t", t, "a time in seconds"), np.asarray(x, dtype=np.float64)
+        if places.ndim not in (1, 2) or places.shape[-1] != self.dimensions:
+            raise ValueError(f"x must have {self.dimensions} components, got shape {places.shape}")
+        flat = places.reshape(-1, self.dimensions)
+        found = _sources.fields_of(_sources.gridded(self), np.full(len(flat), time), flat)
+        return found.reshape(*places.shape[:-1], found.shape[1])
+
+
+def _points(ds: Any, name: str) -> Floats:
+    """The places along a dimension, checked."""
+    if name not in ds.coords:
+        raise ValueError(f"the dataset must have coordinates along {name}, got none")
+    given = ds[name].values
+    points = _validate.real_array(name, (given - given[0]) / np.timedelta64(1, "s") if given.dtype.kind in "mM" else given)
+    if not (np.isfinite(points).all() and (np.diff(points) > 0.0).all()):
+        raise ValueError(f"{name} must be finite and rise from point to point, got {_validate.shown(points)}")
+    return points
+
+
+def _closed(name: str, points: Floats, values: Floats, axis: int, given: float) -> tuple[Floats, Floats, float]:
+    """Points and values of a periodic dimension with the first one repeated at the end."""
+    period = _validate.positive(f"periodic[{name!r}]", given)
+    span = float(points[-1] - points[0])
+    first = np.take(values, [0], axis)
+    if abs(span - period) <= 1e-6 * period / len(points):
+        apart = np.abs(np.take(values, [-1], axis) - first).max()
+        if apart > 1e-6 * np.abs(values).max():
+            raise ValueError(f"values a period apart along {name} must be equal, got a difference of {apart:.3g} m/s")
+        points, values = points[:-1], np.delete(values, -1, axis)
+    elif span > period:
+        raise ValueError(f"periodic[{name!r}] must be the length of the grid with its last spacing, {span:g} or greater, got {period:g}")
+    return np.append(points, points[0] + period), np.concatenate([values, first], axis), period
