@@ -159,6 +159,43 @@ class TestFlights:
         assert np.abs(bounces(rtol) / exact[0] - exact / exact[0]).max() < rtol
 
 
+MEASURED = {  # Gondret, Lance & Petit (2002): St: ρ_s/ρ, ν, d, height of the fall (m), speed of approach (m/s), contacts (s) and apexes (mm) after the first
+    152: (8.342, 1.070e-5, 3e-3, 3.0, 0.585, (0.0835, 0.1309, 0.153), (7.466, 2.234)),
+    27: (8.083, 1.036e-4, 6e-3, 0.263, 0.518, (0.0426,), (1.972,)),
+}
+
+
+class TestMeasured:
+    @staticmethod
+    def bounces(number, memory="impulse"):
+        """Flown with the dry restitution and the default asperities: speed of approach (m/s, no wall), contacts (s), apexes (mm)."""
+        ratio, viscosity, d, fall, _, contacts, apexes = MEASURED[number]
+        changes = {
+            "fluid": {"viscosity": viscosity}, "grain": {"diameter": d, "density": 1000.0 * ratio}, "start": {"height": fall + 0.5 * d},
+            "drag": {"law": "yen"}, "bed": {"restitution": 0.97}, "history": {"rebound": memory}, "solver": {"rtol": 1e-6}, "run": {"jumps": 5},
+        }  # fmt: skip
+        made = scene("bouncing", effects=["weight", "drag", "added_mass", "history", "wall"], **changes)
+        n = made.numbers
+        free = saltation.run(made.changed(wall={"normal": "none"}, run={"jumps": 1})).jumps["impact_z"].iloc[0]
+        jumps = saltation.run(made).jumps
+        after = (jumps["start"] - jumps["start"].iloc[1]).to_numpy()[2:] * n.time
+        return -free * n.velocity, after[: len(contacts)], 1e3 * d * jumps["height"].to_numpy()[1 : 1 + len(apexes)]
+
+    @pytest.mark.parametrize("number", MEASURED)
+    def test_bounces_with_the_dry_restitution(self, number):
+        """Both records with one number, the height of the asperities: apexes within 6 %, contacts within 5 %."""
+        *_, speed, contacts, apexes = MEASURED[number]
+        found = self.bounces(number)
+        assert found[0] == pytest.approx(speed, rel=0.01)
+        assert found[1] == pytest.approx(contacts, rel=0.05)
+        assert found[2] == pytest.approx(apexes, rel=0.06)
+
+    def test_a_rebound_that_is_forgotten_does_not(self):
+        """Too high by half and more."""
+        for memory in ("reset", "none"):
+            assert self.bounces(152, memory)[2][0] > 1.5 * 7.466
+
+
 class TestScenes:
     def test_it_costs_nothing_where_it_is_not_named(self):
         assert all("wall" not in saltation.load(name).names for name in ("sand", "gravel", "bouncing"))
