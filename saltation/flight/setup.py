@@ -112,6 +112,8 @@ def shortest(scene: Any) -> float:
         step = min(step, (FELT * error / (n.history * stretch**power)) ** (1.0 / (0.5 + power)))
     if scene.bed is None and "drag" in scene.names and not isinstance(scene.profile, Still):  # nothing stops a fall before it reaches the wall
         step = min(step, LAYER * 18.0 * abs(n.shields) / n.reynolds)
+    if "wall" in scene.names:  # the gap that asperities leave is crossed in steps
+        step = min(step, 0.2 * scene.options("wall").roughness)
     close = "encounters" in scene.names or (scene.bed is not None and faces_downstream(roughness_of(scene)))
     return min(FLOOR_OF_CLOSE_CONTACTS if close else FLOOR, 0.1 * step)
 

@@ -17,12 +17,19 @@ Family = dict[str, Closure]
 
 def families(scene: Any) -> dict[str, Family]:
     """The families of closures of what the scene computes: "table.field" that names the law -> closures by name; of an effect with one only, "table"."""
-    tables = {name: getattr(EFFECTS[name], "CLOSURES", {}) for name in scene.names} | ({"bed": rebound.CLOSURES} if scene.bed is not None else {})
+    tables = {name: getattr(EFFECTS[name], "CLOSURES", {}) for name in scene.names}
+    if scene.bed is not None and not lubricated(scene):  # else the restitution is the dry one
+        tables["bed"] = rebound.CLOSURES
     found: dict[str, Family] = {}
     for table, closures in tables.items():
         for name, closure in closures.items():
             found.setdefault(".".join([table, *list(closure.take)[:1]]), {})[name] = closure
     return found
+
+
+def lubricated(scene: Any) -> bool:
+    """Whether the liquid that is squeezed out of the gap before a contact is computed."""
+    return "wall" in scene.names and scene.options("wall").normal != "none"
 
 
 def chosen(scene: Any, given: Conditions | None = None) -> dict[str, tuple[str, bool]]:

@@ -10,7 +10,7 @@ from saltation.flow import PROFILES, REGIMES
 from saltation.scene import AUTO, Scene
 from saltation.scene.conditions import settling_velocity
 from saltation.scene.presets import differences
-from saltation.scene.valid import left
+from saltation.scene.valid import left, lubricated
 
 
 class Number(NamedTuple):
@@ -151,6 +151,13 @@ def _comes_to_rest(scene: Scene) -> str:
     return "in still water the grain bounces lower each time and comes to rest: the run may end before its jumps"
 
 
+def _counted_twice(scene: Scene) -> str:
+    """A law of the restitution by the Stokes number holds what lubrication takes."""
+    if scene.bed is None or scene.bed.restitution != "stokes" or not lubricated(scene):
+        return ""
+    return "bed.restitution = 'stokes' counts lubrication, and the effect 'wall' does too: give the dry restitution, such as bed.restitution = 0.97"
+
+
 def warnings(scene: Scene) -> list[str]:
     """What to be wary of, one sentence or two each."""
     n = scene.numbers
@@ -171,7 +178,7 @@ def warnings(scene: Scene) -> list[str]:
         lighter = "it is lighter than the fluid" if n.density_ratio < 1.0 else "it is as heavy as the fluid"
         why = "weight is not among the effects" if "weight" not in scene.names else lighter
         found.append(f"the grain may never come down: {why}")
-    found += [text for text in (_memory_ends(scene), _comes_to_rest(scene)) if text]
+    found += [text for text in (_memory_ends(scene), _comes_to_rest(scene), _counted_twice(scene)) if text]
     if scene.bed is None and scene.run.longest_flight is not None:
         found.append("run.longest_flight is ignored: without a [bed] there is no flight that is too long")
     for name in scene.names:

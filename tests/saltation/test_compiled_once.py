@@ -14,6 +14,7 @@ SETS = (
     {"effects": ["weight", "drag", "lift", "magnus"], "history": None},
     {"effects": ["weight", "drag", "added_mass", "lift", "history", "magnus", "rotation"]},
     {"effects": ["weight", "drag", "history"], "bed": {"rebound": "sliding_only", "roughness": "R2"}},
+    {"effects": ["weight", "lift", "magnus", "wall"], "history": None, "lift": {"law": "loth"}, "magnus": {"law": "oesterle_bui_dinh"}},
 )
 
 

@@ -75,7 +75,7 @@ def coefficient(law, re):
 
 class TestRegistry:
     def test_every_file_is_an_effect(self):
-        assert set(EFFECTS) == {"weight", "drag", "lift", "magnus", "added_mass", "history", "rotation", "encounters"}
+        assert set(EFFECTS) == {"weight", "drag", "lift", "magnus", "added_mass", "history", "rotation", "encounters", "wall"}
         assert [module.NAME for module in EFFECTS.values()] == list(EFFECTS)
         for module in EFFECTS.values():
             assert module.SOURCE and module.VALID
