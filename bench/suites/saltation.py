@@ -39,7 +39,7 @@ def treatments() -> dict[str, Content]:
             for count in (10, 20, 50):
                 found[f"jump ignored, {count} jumps"] = {"history": {"rebound": "none", "window_jumps": count, "horizon": FAR}}
         found[f"{label}jump ignored, all jumps"] = {"history": {"rebound": "none", "kernel": kernel, "horizon": FAR}}
-    found["remembered, e = 0.97 exp(−35/St)"] = {"bed": {"restitution": "stokes"}}
+    found["remembered, e = 0.97 exp(−35/St)"] = {"bed": {"restitution": "stokes", "stokes_decay": 35.0}}
     found["remembered, immersed contact mass"] = {"bed": {"contact_mass": "immersed"}}
     return found
 
@@ -186,7 +186,7 @@ def modifications() -> dict[tuple[str, str], Content]:
         ("choice", "bed angles of Run D (R4)"): {"bed": {"roughness": "R4"}},
         ("choice", "profile of Yalin"): {"channel": {"profile": "yalin"}},
         ("choice", "roughness height 2 d"): {"channel": {"roughness_height": 2.0}},
-        ("choice", "e = 0.97 exp(−35/St)"): {"bed": {"restitution": "stokes"}},
+        ("choice", "e = 0.97 exp(−35/St)"): {"bed": {"restitution": "stokes", "stokes_decay": 35.0}},
         ("choice", "immersed contact mass"): {"bed": {"contact_mass": "immersed"}},
         ("choice", "Set 3 (e 0.8, f 0.4)"): {"bed": {"restitution": 0.8, "friction": 0.4}},
         ("choice", "Set 4 (e 0.95, f 0.3)"): {"bed": {"restitution": 0.95, "friction": 0.3}},

@@ -20,7 +20,7 @@ from basset import _validate
 from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
 from saltation.effects import EFFECTS
-from saltation.effects.history import kernel_of
+from saltation.effects.history import DECAYS, kernel_of
 from saltation.flow import profile_of
 from saltation.grain import Numbers, numbers_of
 from saltation.scene.memory import barred
@@ -234,6 +234,9 @@ class SceneBase(Table):
             raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {velocity}")
         if self.in_plane and spin is not None and (spin[0] != 0.0 or spin[2] != 0.0):
             raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
+        if self.bed is not None and "history" in names:  # restitution and history belong together
+            options = self.options("history")
+            self.__dict__["bed"] = self.bed.with_decay(DECAYS[options.rebound][options.kernel])
         self._check_numbers()
         self._check_duration()
         if "history" in names:

@@ -45,7 +45,8 @@ def _choices(scene: Scene) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
     if scene.bed is not None:
         tables["reading"] = {name: {"bed": {"reading": name}} for name in READINGS}
         given = scene.bed.restitution
-        tables["restitution"] = {f"{value}": {"bed": {"restitution": value}} for value in dict.fromkeys((given, 0.5, 0.8, "set1", "stokes"))}
+        others = [value for value in (0.5, 0.8, "set1", "stokes") if value != given]
+        tables["restitution"] = {f"{given}": {}} | {f"{value}": {"bed": {"restitution": value, "stokes_decay": None}} for value in others}
     if "history" in scene.names:
         tables["kernel"] = {name: {"history": {"kernel": name}} for name in ("basset", *KERNELS)}
         tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in ("impulse", "restart", "reset", "none")}

@@ -12,6 +12,7 @@ from bench.suites import measured as suite
 from bench.suites.measured import Choice, Closure, Course, Misfit
 from reports import measured as page
 from reports.site.page import HERE, load
+from saltation.effects.history import DECAYS, MISSED, REJECTED
 from saltation.grain import GRAVITY
 
 NAMES = [bounce.name for bounce in records.BOUNCES]
@@ -149,3 +150,11 @@ def test_what_the_data_says(data):
     looked = {("St 152", "impulse", "basset"): 0.958, ("St 27", "impulse", "basset"): 0.630, ("St 152", "none", "basset"): 0.598, ("St 27", None, None): 0.359}
     assert {key: first[key] for key in looked} == pytest.approx(looked, abs=0.0015)
     assert min(max(row["rms"].values()) for row in own["two_numbers"]) <= suite.TARGET < min(max(row["rms"].values()) for row in own["joint"])
+
+
+def test_the_defaults_of_scenes_are_what_was_fitted(data):
+    rows = {(row["rebound"], row["kernel"]): row for row in data["measured"]["joint"]}
+    assert {key: DECAYS[key[0]][key[1]] for key in rows if key[1]} == {key: round(row["k"], 1) for key, row in rows.items() if key[1]}
+    for rebound, missed in MISSED.items():
+        assert missed == round(100.0 * min(row["total"] for (treatment, _), row in rows.items() if treatment == rebound))
+    assert min(MISSED[rebound] for rebound in REJECTED) > 100.0 * rows[None, None]["total"] > MISSED["impulse"]  # rejected: worse than no history at all

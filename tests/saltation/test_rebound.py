@@ -10,6 +10,7 @@ import pytest
 import saltation
 from basset._compile import compiled, digest_of
 from saltation.bed.rebound import REBOUNDS, GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted, restitution_at, strike
+from saltation.effects.history import DECAYS
 from saltation.grain import numbers_of
 
 UP = (0.0, 0.0, 1.0)
@@ -251,7 +252,7 @@ def test_the_registry():
     assert list(REBOUNDS) == ["tsuji", "garcia_nino", "tsuji_printed", "sliding_only"]
 
 
-@pytest.mark.parametrize("decay", [None, 0.0, 11.4])
+@pytest.mark.parametrize("decay", [None, 0.0, 35.0])
 def test_restitution_by_stokes_number_takes_the_decay_of_the_scene(decay):
     """Impulse over momentum of the first contact of a falling sphere is 1 + e."""
     bed = {"roughness": "flat", "friction": 0.0, "restitution": "stokes"} | ({} if decay is None else {"stokes_decay": decay})
@@ -266,4 +267,22 @@ def test_restitution_by_stokes_number_takes_the_decay_of_the_scene(decay):
     first = made.jumps.iloc[0]
     e = -first["impulse_z"] / first["impact_z"] - 1.0
     assert first["stokes"] > 20.0
-    assert e == pytest.approx(0.97 * math.exp(-(35.0 if decay is None else decay) / first["stokes"]), rel=1e-12)
+    assert e == pytest.approx(0.97 * math.exp(-(DECAYS["impulse"]["basset"] if decay is None else decay) / first["stokes"]), rel=1e-12)
+
+
+def test_the_decay_belongs_to_the_treatment_of_the_history_unless_it_is_given():
+    base = saltation.load("sand").changed(bed={"restitution": "stokes"})
+    for rebound, kernels in DECAYS.items():
+        for kernel, k in kernels.items():
+            assert base.changed(history={"rebound": rebound, "kernel": kernel}).bed.decay == k
+    assert DECAYS["impulse"]["basset"] < DECAYS["impulse"]["mei_adrian"] < DECAYS["restart"]["basset"] < DECAYS["reset"]["basset"] < 35.0
+    assert base.changed(effects=[name for name in base.names if name != "history"]).bed.decay == 35.0
+    assert base.changed(bed={"stokes_decay": 20.0}, history={"rebound": "reset"}).bed.decay == 20.0
+
+
+def test_a_bed_that_scenes_share_is_not_changed_by_them():
+    content = saltation.load("sand").model_dump(exclude_none=True)
+    bed = saltation.scene.Bed(**content["bed"] | {"restitution": "stokes"})
+    one, two = (saltation.Scene.model_validate(content | {"bed": bed, "history": {"rebound": rebound}}) for rebound in ("impulse", "reset"))
+    assert (one.bed.decay, two.bed.decay, bed.decay) == (DECAYS["impulse"]["basset"], DECAYS["reset"]["basset"], 35.0)
+    assert saltation.Scene.model_validate_json(two.model_dump_json(exclude_none=True)) == two

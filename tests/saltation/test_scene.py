@@ -212,3 +212,13 @@ def test_warnings_of_suspension_and_threshold():
 def test_a_grain_that_never_comes_down_is_announced():
     assert any("lighter" in text for text in checks.warnings(changed("sand", grain={"density": 900.0})))
     assert any("weight is not among" in text for text in checks.warnings(changed("sand", effects=["drag"])))
+
+
+def test_check_says_which_treatments_of_the_history_measured_bounces_reject():
+    def said(**history):
+        return [text for text in checks.warnings(changed("sand", history=history)) if "measured normal rebounds reject it" in text]
+
+    for rebound in ("reset", "none"):
+        (text,) = said(rebound=rebound)
+        assert text.startswith(f"history.rebound = '{rebound}'") and "'impulse'" in text and "Gondret" in text and text.count("%") == 2
+    assert said() == said(rebound="restart", kernel="mei_adrian") == []
