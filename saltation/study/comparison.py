@@ -123,9 +123,9 @@ class Comparison:
     Examples
     --------
     >>> import numpy as np
+    >>> import saltation
     >>> t = np.linspace(0.0, 0.05, 30)
-    >>> scene = load("settling")
-    >>> found = compare({"t": t, "w": -0.02 * np.ones(30)}, scene)
+    >>> found = saltation.compare({"t": t, "w": -0.02 * np.ones(30)}, saltation.load("settling"))
     >>> list(found.misfit.index), list(found.points), len(found.fitted)
     (['w'], ['time', 'w', 'w_model', 'w_residual', 'w_counts'], 0)
     """
