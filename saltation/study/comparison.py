@@ -53,20 +53,21 @@ class FlatError(ValueError):
 
 
 class Flown(NamedTuple):
-    """A flight in SI: times (s), places (m) and velocities (m/s) at the nodes of its steps, and times of contacts (s)."""
+    """A flight in SI: times (s), places (m) and velocities (m/s) at the nodes of its steps, times of contacts (s), and a centre's height at the bed (m)."""
 
     times: Floats
     places: dict[str, Floats]
     velocities: dict[str, Floats]
     contacts: Floats
+    floor: float
     rests: bool
 
-    def at(self, t: Floats, quantity: str, floor: float) -> Floats:
-        """A quantity at these times (n,): before the start and after the end the grain is where it is then. `floor`: the height of a centre at the bed, m."""
+    def at(self, t: Floats, quantity: str) -> Floats:
+        """A quantity at these times (n,): before the start and after the end the grain is where it is then."""
         if quantity == "gap":
-            return self.at(t, "z", floor) - floor
+            return self.at(t, "z") - self.floor
         if quantity == "speed":
-            return np.asarray(np.sqrt(sum(self.at(t, name, floor) ** 2 for name in self.velocities)))
+            return np.asarray(np.sqrt(sum(self.at(t, name) ** 2 for name in self.velocities)))
         k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
         h = self.times[k + 1] - self.times[k]
         s = np.clip((t - self.times[k]) / np.where(h > 0.0, h, 1.0), 0.0, 1.0)
@@ -94,6 +95,7 @@ def fly(scene: Scene) -> Flown:
         {axis: path[axis].to_numpy() * n.diameter for axis in axes},
         {"uvw"[AXES.index(axis)]: path["uvw"[AXES.index(axis)]].to_numpy() * n.velocity for axis in axes},
         (jumps["start"] + jumps["duration"]).to_numpy() * n.time,
+        floor_of(scene),
         result.status == "at rest",
     )
 
@@ -123,9 +125,9 @@ class Comparison:
     Examples
     --------
     >>> import numpy as np
+    >>> import saltation
     >>> t = np.linspace(0.0, 0.05, 30)
-    >>> scene = load("settling")
-    >>> found = compare({"t": t, "w": -0.02 * np.ones(30)}, scene)
+    >>> found = saltation.compare({"t": t, "w": -0.02 * np.ones(30)}, saltation.load("settling"))
     >>> list(found.misfit.index), list(found.points), len(found.fitted)
     (['w'], ['time', 'w', 'w_model', 'w_residual', 'w_counts'], 0)
     """
@@ -260,10 +262,12 @@ class Problem:
         self.values = {name: values[inside] for name, values in record.values.items()}
         if len(self.times) < max(2, len(fit) + 2):
             raise ValueError(f"{record.name} must have {max(2, len(fit) + 2)} times or more that are compared, got {len(self.times)} of {len(record.times)}")
+        for name, values in self.values.items():
+            if not np.isfinite(values).any():
+                raise ValueError(f"{record.name} must have samples of {name!r} in the time that is compared, got none")
         self.earlier = int((record.times < self.times[0]).sum())
         self.scene = scene
         self.check_quantities()
-        self.engine_floor = floor_of(scene)
         self.floating = [name for name in self.values if self.floats(name)]
         if ZERO in fit and not any(name in ("z", "gap") and name not in self.floating for name in self.values):
             raise ValueError("'zero' is the record's zero of heights, which has a place only where z or gap is compared over a bed: leave it out")
@@ -322,15 +326,15 @@ class Problem:
 
     def range_of(self, name: str, given: Any) -> tuple[float, float]:
         """The range of a field that is searched; ValueError, SceneError if it has none, or is no field that can be fitted."""
+        if name.partition(".")[0] in ("run", "solver", "cloud", "dimensions", "tolerance"):
+            raise ValueError(f"fit must be numeric fields of the scene that a motion depends on, {CLOCK!r} or {ZERO!r}, got {name!r}")
         low, high = self.usual_range(name) if given is None else given
         low, high = _validate.number(f"the range of {name}", low), _validate.number(f"the range of {name}", high)
         if not low < high:
             raise ValueError(f"the range of {name} must be two rising numbers, got {low:g} to {high:g}")
         if name not in (CLOCK, ZERO):
             for value in (low, 0.5 * (low + high), high):
-                made = changed(self.scene, {name: value})
-                if floor_of(made) != self.engine_floor:
-                    self.engine_floor = math.nan  # the diameter is fitted
+                changed(self.scene, {name: value})
         return low, high
 
     def usual_range(self, name: str) -> tuple[float, float]:
@@ -344,9 +348,6 @@ class Problem:
         if name in RANGES:
             changed(self.scene, {name: 0.5 * sum(RANGES[name])})
             return RANGES[name]
-        table = name.partition(".")[0]
-        if table in ("run", "solver", "cloud", "dimensions", "tolerance"):
-            raise ValueError(f"fit must be numeric fields of the scene that a motion depends on, {CLOCK!r} or {ZERO!r}, got {name!r}")
         if (seen := self.seen(name)) is not None:
             return seen
         value = value_of(self.scene, name)
@@ -391,7 +392,7 @@ class Problem:
         fitted, cover = np.polyfit(t / scale, y, 2, cov=True)
         value, spread = fitted[2 - order] / scale**order, math.sqrt(cover[2 - order, 2 - order]) / scale**order
         if place == "gap" and not speed:
-            value += self.engine_floor
+            value += floor_of(self.scene)
         half = max(10.0 * spread, 0.1 * abs(value), 1e-3 * self.scene.numbers.velocity if speed else 1e-3 * self.scene.grain.diameter)
         return (value - half, value + half) if speed else (max(value - half, 0.1 * abs(value)), value + half)
 
@@ -440,8 +441,7 @@ class Problem:
         """Every quantity at these times of the record."""
         flight = self.flight(theta)
         t = times - self.clock(theta, flight)
-        floor = self.engine_floor if self.engine_floor == self.engine_floor else floor_of(self.made([float(theta[k]) for k in self.flown]))
-        found = {name: flight.at(t, name, floor) for name in self.values}
+        found = {name: flight.at(t, name) for name in self.values}
         if ZERO in self.names:
             for name in ("z", "gap"):
                 if name in found:

@@ -104,6 +104,15 @@ def test_every_dialect_is_the_same_record(tmp_path, text, names):
     assert found.depths == ({"z"} if "depth" in text else set())
 
 
+def test_a_table_of_pandas_is_a_record():
+    """Times as a column or as the index; what is missing is missing."""
+    table = pd.DataFrame({"t": [0.0, 0.5, 1.0], "w [cm/s]": [0.0, np.nan, 2.0]})
+    for given in (table, table.set_index("t")):
+        found = read_record(given)
+        np.testing.assert_allclose(found.times, table["t"])
+        np.testing.assert_allclose(found.values["w"], [0.0, np.nan, 0.02])
+
+
 def test_a_result_of_the_simulator_is_a_record(tmp_path):
     """In SI by its attributes; the scene that made it follows it."""
     made = scene("settling", solver={"rtol": 1e-5})
@@ -297,7 +306,7 @@ MISTAKES = {
     "no such field": (["fall.csv", "bouncing", "--fit", "bed.restitusion"], ["bed.restitusion", "did you mean 'restitution'?"]),
     "a word": (["fall.csv", "bouncing", "--fit", "bed.roughness"], ["bed.roughness"]),
     "no field": (["fall.csv", "bouncing", "--fit", "restitution"], ["restitution", "table.field"]),
-    "of the run": (["fall.csv", "bouncing", "--fit", "run.seed"], ["run.seed"]),
+    "of the run": (["fall.csv", "bouncing", "--fit", "run.seed=1,5"], ["run.seed"]),
     "a bad range": (["fall.csv", "bouncing", "--fit", "bed.restitution=0.9,0.1"], ["bed.restitution", "rising"]),
     "a range beyond": (["fall.csv", "bouncing", "--fit", "bed.restitution=0.5,1.5"], ["bed.restitution", "from 0 to 1"]),
     "half a range": (["fall.csv", "bouncing", "--fit", "bed.restitution=0.5"], ["--fit", "LOW,HIGH"]),
