@@ -332,7 +332,8 @@ def test_what_needs_a_sum_is_refused_without_one():
 COMPLETELY_MONOTONE = {
     "bubble": (BUBBLE, 1e-6, 10.0), "slip sphere": (SLIP, 1e-6, 10.0), "formula": (LIKE_MEI, 1e-5, 100.0),
     "inverse root": (FormulaKernel(lambda s: 1.0 / np.sqrt(s)), 1e-6, 1.0),
-    "fades": (FormulaKernel(tempered), 1e-4, 50.0), "one exponential": (FormulaKernel(lambda s: np.exp(-s), near="bounded"), 1e-3, 20.0),
+    "fades": (FormulaKernel(tempered), 1e-4, 50.0), "is forgotten": (FormulaKernel(tempered), 1e-3, 1000.0),
+    "one exponential": (FormulaKernel(lambda s: np.exp(-s), near="bounded"), 1e-3, 20.0),
     "two": (FormulaKernel(lambda s: np.exp(-s) + 0.1 * np.exp(-30.0 * s), near="bounded"), 1e-3, 8.0), "log-periodic": (wavy(0.012), 1e-4, 1.0),
     "algebraic": (FormulaKernel(lambda s: 1.0 / (1.0 + s), near="bounded"), 1e-3, 1e3),
 }  # fmt: skip
@@ -347,6 +348,7 @@ def test_a_fitted_sum_keeps_its_promise(kernel, near, far, rtol):
     lags = np.concatenate([[near], lags, [far]])
     values = kernel(lags)
     assert (np.abs(made(lags) - values) <= rtol * np.maximum(values, 1e-16 * values[0])).all()
+    assert made.max_relative_error() <= rtol
     assert made(0.0) < 40.0 * kernel(near)  # nothing is hidden before near
     assert len(made) <= 2.5 * math.log(2.7 / rtol) * math.log(4.0 * far / near) / math.pi**2 + 4  # 2.5 times what s^(−1/2) needs at least
 
