@@ -120,7 +120,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     Returns
     -------
     ndarray of float64, shape of `g`
-        H at every node, unit of f × s^(-1/2). Row 0 is 0, or ±inf where the initial slip is not zero.
+        H at every node, unit of f × s^(-1/2). Row 0 is K(0) times the initial slip: 0, ±inf, or finite for a bounded kernel.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     jump = _initial_slip(initial_slip, samples, input)
     recipe = _recipe(rule, dt, max(1, n), kernel)
     if recipe.tail is not None:
-        return _with_start(_streamed(samples, dt, recipe, kernel, jump), jump)
+        return _with_start(_streamed(samples, dt, recipe, kernel, jump), jump, kernel)
     used, columns = recipe.used(n), samples.reshape(n + 1, -1)
     weights = table(recipe.stencil, kernel.scaled(dt), input)
     with np.errstate(all="ignore"):
@@ -165,14 +165,14 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     TABLES.trim()
     if not np.isfinite(result).all():
         raise _validate.not_finite(samples, 0)
-    return _with_start(result, samples[0] if input == "slip" else jump).reshape(samples.shape)
+    return _with_start(result, samples[0] if input == "slip" else jump, kernel).reshape(samples.shape)
 
 
-def _with_start(history: Floats, slip: Floats | None) -> Floats:
-    """Row 0: 0, or ±inf where there is an initial slip."""
+def _with_start(history: Floats, slip: Floats | None, kernel: Kernel) -> Floats:
+    """Row 0: what the initial slip adds there, infinite as a rule."""
     if slip is not None:
         with np.errstate(invalid="ignore"):
-            history[0] = np.where(slip == 0.0, 0.0, np.copysign(np.inf, slip)).reshape(history.shape[1:])
+            history[0] = np.where(slip == 0.0, 0.0, slip * kernel(0.0)).reshape(history.shape[1:])
     return history
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, checked_lags
-from basset.positive_sums import positive_sum
+from basset.positive_sums import FLOOR, positive_sum
 
 _SLACK = 1.0 + 1e-9  # rounding of near, far and their ratio
 
@@ -145,7 +145,8 @@ class ExponentialSum:
     def max_relative_error(self, near: float | None = None, far: float | None = None) -> float:
         """Largest |sum/K − 1| on [near, far], by default the sum's own range.
 
-        Measured on 4000 log-spaced lags (more for long sums), then around every extremum of the error and at both ends.
+        Measured on 4000 log-spaced lags (more for long sums), then around every extremum of the error and at both ends. For kernels without a table K is
+        taken as 1e-16 of K at the sum's near end where it is less, as in their promise.
 
         Parameters
         ----------
@@ -176,7 +177,10 @@ class ExponentialSum:
         return float(max(error.max(), np.abs(self._relative_error(fine)).max()))
 
     def _relative_error(self, s: Floats) -> Floats:
-        return np.asarray(self._values(s) / self.kernel._values(s) - 1.0)
+        values, ours = self.kernel._values(s), self._values(s)
+        if isinstance(self.kernel, (BassetKernel, MeiAdrianKernel)):
+            return np.asarray(ours / values - 1.0)
+        return np.asarray((ours - values) / np.maximum(values, FLOOR * self.kernel._values(np.array([self.near]))))
 
     @classmethod
     def fit(cls, near: float, far: float, rtol: float, kernel: Kernel = BassetKernel()) -> ExponentialSum:

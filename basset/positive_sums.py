@@ -123,7 +123,7 @@ def search(kernel: Kernel, near: float, far: float, rtol: float) -> Found:
     spacing = math.pi**2 / math.log(6.0 / rtol)  # what the trapezoidal rule of s^(−1/2) takes
     count = int(max(200.0, 10.0 / spacing * math.log(far / near)))
     fit, dense = Samples(kernel, near, far, count), Samples(kernel, near, far, DENSE * count)
-    check_shape(kernel, dense)
+    check_shape(kernel, dense, rtol)
     slowest, low = fit.slowest(), -math.log(far)
     high = math.log(math.log(3.0 / rtol)) - math.log(near)  # what decays faster counts before near only, where its weight would be any size
     u: Floats = np.empty(0)
@@ -158,8 +158,8 @@ def refusal(kernel: Kernel, near: float, far: float, reason: str) -> str:
     )
 
 
-def check_shape(kernel: Kernel, samples: Samples) -> None:
-    """Refuse what is not finite, negative, or rises."""
+def check_shape(kernel: Kernel, samples: Samples, rtol: float) -> None:
+    """Refuse what is not finite, negative, or rises by more than a falling sum within the promise can follow."""
     lags, values = samples.lags, samples.values
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
@@ -167,9 +167,9 @@ def check_shape(kernel: Kernel, samples: Samples) -> None:
     low = np.flatnonzero(values < -FLOOR * np.abs(values).max()) if values[0] > 0.0 else [0]
     if len(low):
         raise NoSumError(refusal(kernel, lags[0], lags[-1], f"K({lags[low[0]]:.6g}) = {values[low[0]]:.3g}"))
-    up = np.flatnonzero(np.diff(values) > 1e-12 * np.abs(values[1:]))
+    up = np.flatnonzero((1.0 - rtol) * values > (1.0 + rtol) * np.minimum.accumulate(values) + rtol * samples.scale + 1e-13 * values)
     if len(up):
-        raise NoSumError(refusal(kernel, lags[0], lags[-1], f"it rises at s = {lags[up[0]]:.6g}"))
+        raise NoSumError(refusal(kernel, lags[0], lags[-1], f"it rises before s = {lags[up[0]]:.6g}"))
 
 
 def non_negative(samples: Samples, u: Floats) -> tuple[Floats, Floats]:
@@ -220,7 +220,7 @@ def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float, high
     """Where a further rate up to e^high would help, as ln λ, and a lower bound of the error of any positive sum.
 
     With the residual r = K − sum and p any positive sum, r·(K − p) ≥ r·K − max(r·atom)·Σ weights, atoms of unit norm; and Σ weights is at most √m times
-    the norm of p, that is m if p is near K: all values are in units of K.
+    the norm of p on m lags, that is at most 2m if p errs by less than K itself: all values are in units of K.
     """
     target = samples.values / samples.scale
     residual = target - samples.atoms(u) @ weights
@@ -246,5 +246,5 @@ def uncovered(samples: Samples, u: Floats, weights: Floats, spacing: float, high
         most = max(most, float(found.max()))
         peaks, left, right = fine[row, j], fine[row, j - 1], fine[row, j + 1]
     count, norm = len(lags), float(np.linalg.norm(residual))
-    least = (float(residual @ target) - 1.01 * most * count) / (norm * math.sqrt(count))
+    least = (float(residual @ target) - 2.0 * most * count) / (norm * math.sqrt(count))
     return peaks[peaks < high], least

@@ -103,6 +103,8 @@ class _Integration:
         self.limited = kind == _fixed.HELD or min(bounds(rule)) < math.inf
         assert isinstance(task.kernel, Kernel)  # others are refused
         self.kernel = task.kernel
+        start = self.kernel(0.0)
+        self.at_jumps = start if start < 2.0 * self.kernel(self.dt) else 0.0  # what a jump adds to H at its node, where steps see it
         self.plan: Plan = rule.plan(self.dt, span, self.kernel)
         self.samples: State = self.plan.start((members,))
         self.state = _fixed.state_of(task.y0.copy(), members, self.degree)
@@ -244,7 +246,9 @@ class _Integration:
     def _begin(self) -> None:
         """Take the first state."""
         task, state = self.task, self.state
-        self._anew(self._free(task.start, state.y))
+        rate = self._free(task.start, state.y)
+        rate[task.memory] -= self.felt * self.at_jumps * task.slip
+        self._anew(rate)
         if self.kind == _fixed.SLIPS:
             state.offset[:] = state.y[task.memory] - task.slip
             self.plan.push(self.samples, task.slip)
@@ -261,7 +265,7 @@ class _Integration:
             state.stored[:] = history
             self.plan.jump(self.samples, np.zeros_like(delta), g=state.y[memory] - state.offset)
         else:
-            rate[memory] -= self.felt * history
+            rate[memory] -= self.felt * (history + self.at_jumps * delta)
             self.plan.jump(self.samples, delta, g=rate[memory])
         self._anew(rate)
 
@@ -290,7 +294,8 @@ class FixedStep(_Grid):
     degrees 2 to 10. A step that is too long for what `fun` is at the start, and rates that alternate and grow on the way, end
     in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing:
     first order in dt at best. After a jump, and after an initial slip, the solution goes as √t: whatever the degree, the
-    largest error over the path then falls as h^(1/2) with rates and as h with slips; from rest as h^(3/2) and h².
+    largest error over the path then falls as h^(1/2) with rates and as h with slips; from rest as h^(3/2) and h², with rates and a
+    bounded kernel that steps resolve, K(0) < 2 K(dt), as h^(3/2).
 
     Parameters
     ----------
