@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -124,14 +124,23 @@ def _make_sample(digest: str) -> Callable[..., Any]:
 sample = compiled(_make_sample, usually="some 3 s")
 
 
+DEGREE = 28  # of a step in √θ, at most
+
+
+@lru_cache(maxsize=1)
+def _chebyshev() -> tuple[Floats, Floats]:
+    """Points θ, and the matrix from values there to the Chebyshev coefficients of the slope with respect to √θ."""
+    points = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, DEGREE))
+    return (0.5 * (1.0 + points)) ** 2, np.asarray(2.0 * np.polynomial.chebyshev.chebder(inverse))
+
+
 def slopes(piece: Piece, theta: float) -> Floats:
-    """Rates at θ > 0 of a piece, which is a polynomial in √θ: by interpolation at Chebyshev points."""
-    degree = 26
-    points = 0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree))
-    coefficients = np.polynomial.chebyshev.chebfit(2.0 * points - 1.0, piece.values(points**2), degree)
-    derivative = np.polynomial.chebyshev.chebder(coefficients)
-    root = math.sqrt(theta)
-    return np.asarray(np.polynomial.chebyshev.chebval(2.0 * root - 1.0, derivative) / (root * piece.length))
+    """Rates at θ > 0 of a piece, which is a polynomial in √θ."""
+    points, matrix = _chebyshev()
+    root, values = math.sqrt(theta), piece.values(points)
+    row = np.polynomial.chebyshev.chebvander(2.0 * root - 1.0, DEGREE - 1) @ matrix
+    return np.asarray(row[0] @ (values - values[0]) / (2.0 * root * piece.length))
 
 
 @dataclass
