@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import pairwise
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -125,14 +124,23 @@ def _make_sample(digest: str) -> Callable[..., Any]:
 sample = compiled(_make_sample, usually="some 3 s")
 
 
+DEGREE = 28  # of a step in √θ, at most
+
+
+@lru_cache(maxsize=1)
+def _chebyshev() -> tuple[Floats, Floats]:
+    """Points θ, and the matrix from values there to the Chebyshev coefficients of the slope with respect to √θ."""
+    points = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, DEGREE))
+    return (0.5 * (1.0 + points)) ** 2, np.asarray(2.0 * np.polynomial.chebyshev.chebder(inverse))
+
+
 def slopes(piece: Piece, theta: float) -> Floats:
-    """Rates at θ > 0 of a piece, which is a polynomial in √θ: by interpolation at Chebyshev points."""
-    degree = 26
-    points = 0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree))
-    coefficients = np.polynomial.chebyshev.chebfit(2.0 * points - 1.0, piece.values(points**2), degree)
-    derivative = np.polynomial.chebyshev.chebder(coefficients)
-    root = math.sqrt(theta)
-    return np.asarray(np.polynomial.chebyshev.chebval(2.0 * root - 1.0, derivative) / (root * piece.length))
+    """Rates at θ > 0 of a piece, which is a polynomial in √θ."""
+    points, matrix = _chebyshev()
+    root, values = math.sqrt(theta), piece.values(points)
+    row = np.polynomial.chebyshev.chebvander(2.0 * root - 1.0, DEGREE - 1) @ matrix
+    return np.asarray(row[0] @ (values - values[0]) / (2.0 * root * piece.length))
 
 
 @dataclass
@@ -164,93 +172,32 @@ class Swarm:
             Occurrences(),
         )
         share = -(-count // workers)
-        edges = [*range(0, count, share), count]
-        with ThreadPoolExecutor(workers) as pool:
-            parts = list(pool.map(lambda ends: self._block(ends[0], ends[1], found), pairwise(edges)))
-        for part in parts:
+        blocks = [Block(self, first, min(first + share, count), found) for first in range(0, count, share)]
+        if any(block.one is None for block in blocks):
+            for block in blocks:
+                block.alone(range(block.first, block.last))
+        elif len(blocks) == 1:
+            blocks[0].march()
+        else:
+            with ThreadPoolExecutor(len(blocks)) as pool:
+                list(pool.map(Block.march, blocks))
+        for block in blocks:
             for name in ("particle", "event", "time", "state"):
-                getattr(found.occurrences, name).extend(getattr(part, name))
+                getattr(found.occurrences, name).extend(getattr(block.seen, name))
         return found
 
-    def _task(self, j: int, work: Any) -> Task:
+    def task_of(self, j: int, work: Any) -> Task:
         """The task of one particle."""
         args = (work, float(self.scales[j, 0]), float(self.scales[j, 1]))
         listed = [Event(event.function, args, event.index, event.terminal, event.direction, event.jump) for event in self.task.events]
         return replace(self.task, y0=self.starts[j].copy(), slip=self.slips[j].copy(), args=args, data=args, events=listed)
 
-    def _felt(self) -> bool:
+    def felt(self) -> bool:
         return bool((self.task.coefficient > 0.0).any())
 
-    def _ended(self, status: int, events_seen: Any) -> int:
+    def ended(self, status: int, events_seen: Any) -> int:
         """The status, LEFT where the last event was the end of the grid."""
         return LEFT if status == 1 and len(events_seen) and events_seen[-1] == self.leaves else status
-
-    def _block(self, first: int, last: int, found: Paths) -> Occurrences:
-        """Particles first … last − 1, by one thread."""
-        work, kept = self.sources.bound()
-        seen = Occurrences()
-        tasks = [self._task(first, work)]
-        one = self._prepared(tasks[0])
-        if one is None:
-            for j in range(first, last):
-                self._alone(j, self._task(j, work), found, seen)
-        else:
-            self._marched(one, work, first, last, found, seen)
-        del kept
-        return seen
-
-    def _prepared(self, task: Task) -> Integration | None:
-        """The set-up of compiled code for all particles of a block; None where they have to be solved one by one."""
-        fast = is_compiled(task.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in task.events)
-        if not fast or not hasattr(self.method, "stages"):
-            return None
-        try:
-            one = Integration(self.method, task, Trace([task.start], [task.y0.copy()], []))
-        except SolverError:
-            return None
-        return one if len(one.tables.unit.local) else None
-
-    def _marched(self, one: Integration, work: Any, first: int, last: int, found: Paths, seen: Occurrences) -> None:
-        task, count, wanted = one.task, last - first, self.wanted
-        assert wanted is not None
-        n = len(task.y0)
-        one.record = one.record_of(RECORDED)
-        one.tables.fill_all()
-        _, (attempt, watch, watching, parts, _, most, record, _) = one.bind()
-        tabulate(row := np.zeros(one.arguments.shape[1] - n, dtype=np.int64), task.data or ())
-        arguments, starts = np.tile(row, (count, 1)), self.starts[first:last].copy()
-        arguments[:, 1:] = self.scales[first:last].view(np.int64)
-        if any(event.jump is not None and event.direction for event in task.events):
-            starts = np.array([off_surfaces(self._task(j, work)).y0 for j in range(first, last)])
-        active, whole = one.active, partial(np.zeros, count, dtype=np.int64)
-        columns = Columns(
-            starts, self.slips[first:last][:, active].copy(), np.tile(task.coefficient[active], (count, 1)), arguments, one.arguments,
-            np.full(count, UNDONE), whole(), whole(), whole(), np.zeros(count), np.zeros((count, n)),
-        )  # fmt: skip
-        motion, log, start = placed(one.free), placed(one.events), one.state.control.copy()
-        table, states, histories = placed(columns), found.states[first:last], found.histories[first:last]
-        row, polynomial = np.zeros((2, n)), np.zeros_like(one.work.polynomial)
-        done = 0
-        while done < count:
-            one.events.logged[0] = 0
-            end = march_many(attempt, watch, watching, parts, motion, log, start, most, record, table, done)
-            sample(one.free.fun, parts, record, table, wanted, done, end, self._felt(), states, histories, row, polynomial)
-            logged = 0
-            for j in range(done, end):
-                happened = slice(logged, int(columns.logged[j]))
-                logged = int(columns.logged[j])
-                if columns.codes[j] not in STATUS:
-                    self._alone(first + j, self._task(first + j, work), found, seen)
-                    continue
-                which = one.events.log_events[happened]
-                found.status[first + j] = self._ended(STATUS[int(columns.codes[j])], which)
-                found.ends[first + j] = columns.time[j]
-                if len(which):
-                    seen.particle += [first + j] * len(which)
-                    seen.event += which.tolist()
-                    seen.time += one.events.log_times[happened].tolist()
-                    seen.state += list(one.events.log_states[happened].copy())
-            done = end
 
     def _solved(self, task: Task) -> Trace:
         """One particle by itself; what goes wrong is a status."""
@@ -279,7 +226,7 @@ class Swarm:
             seen.state.append(task.events[index].states[k])
         return [index for _, index, _ in order]
 
-    def _alone(self, j: int, task: Task, found: Paths, seen: Occurrences) -> None:
+    def alone(self, j: int, task: Task, found: Paths, seen: Occurrences) -> None:
         """One particle at the wanted times."""
         trace = self._solved(task)
         starts = np.array([piece.start for piece in trace.pieces])
@@ -289,7 +236,7 @@ class Swarm:
             if t > trace.times[-1]:
                 break
             found.states[j, i], found.histories[j, i] = self._at(task, trace, starts, leaps, float(t))
-        found.status[j], found.ends[j] = self._ended(trace.status, self._log(j, task, seen)), trace.times[-1]
+        found.status[j], found.ends[j] = self.ended(trace.status, self._log(j, task, seen)), trace.times[-1]
         if trace.status < 0:
             found.messages[j] = trace.message
 
@@ -301,7 +248,7 @@ class Swarm:
         else:
             k = int(np.searchsorted(starts, t, side="right")) - 1
             state = trace.pieces[k].at(np.array([t]))[0]
-        if not self._felt() or not trace.pieces:
+        if not self.felt() or not trace.pieces:
             return state, history
         if t == task.start or (t in leaps and t < trace.times[-1]):
             leap = task.slip
@@ -320,11 +267,11 @@ class Swarm:
     def _stepwise(self) -> Paths:
         """One particle at the ends of its steps; the time of a jump twice, before and after."""
         work, kept = self.sources.bound()
-        task, seen = self._task(0, work), Occurrences()
+        task, seen = self.task_of(0, work), Occurrences()
         trace = self._solved(task)
         times, states = np.array(trace.times), np.array(trace.states)
         histories, d = np.zeros((len(times), states.shape[1] // 2)), states.shape[1] // 2
-        if self._felt():
+        if self.felt():
             ends = np.array([piece.end for piece in trace.pieces])
             for i, t in enumerate(times):
                 twice = i > 0 and t == times[i - 1]
@@ -334,7 +281,88 @@ class Swarm:
                 elif len(ends):
                     k = int(np.argmin(np.abs(ends - t)))
                     histories[i] = self._history(task, trace.pieces[k], t, states[i])
-        status = self._ended(trace.status, self._log(0, task, seen))
+        status = self.ended(trace.status, self._log(0, task, seen))
         del kept
         messages = {0: trace.message} if trace.status < 0 else {}
         return Paths(times, states[None], histories[None], np.array([status], dtype=np.int32), times[-1:].copy(), messages, seen)
+
+
+class Block:
+    """Some of the particles, for one thread; made in the main one, where all is compiled."""
+
+    def __init__(self, swarm: Swarm, first: int, last: int, found: Paths) -> None:
+        self.swarm, self.first, self.last, self.found, self.seen = swarm, first, last, found, Occurrences()
+        self.work, self.kept = swarm.sources.bound()
+        self.one = self._prepared(swarm.task_of(first, self.work))
+        if self.one is not None:
+            self._bind(self.one)
+
+    def alone(self, which: Iterable[int]) -> None:
+        """Some of them by the general solver."""
+        for j in which:
+            self.swarm.alone(j, self.swarm.task_of(j, self.work), self.found, self.seen)
+
+    def _prepared(self, task: Task) -> Integration | None:
+        """The set-up of compiled code for all of them; None where they have to be solved one by one."""
+        fast = is_compiled(task.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in task.events)
+        if not fast or not hasattr(self.swarm.method, "stages"):
+            return None
+        try:
+            one = Integration(self.swarm.method, task, Trace([task.start], [task.y0.copy()], []))
+        except SolverError:
+            return None
+        return one if len(one.tables.unit.local) else None
+
+    def _bind(self, one: Integration) -> None:
+        """Arguments of the compiled loops, which are compiled by calling them for no particle."""
+        task, count, swarm = one.task, self.last - self.first, self.swarm
+        n = len(task.y0)
+        one.record = one.record_of(RECORDED)
+        one.tables.fill_all()
+        _, (attempt, watch, watching, parts, _, most, record, _) = one.bind()
+        tabulate(row := np.zeros(one.arguments.shape[1] - n, dtype=np.int64), task.data or ())
+        arguments, starts = np.tile(row, (count, 1)), swarm.starts[self.first : self.last].copy()
+        arguments[:, 1:] = swarm.scales[self.first : self.last].view(np.int64)
+        if any(event.jump is not None and event.direction for event in task.events):
+            starts = np.array([off_surfaces(swarm.task_of(j, self.work)).y0 for j in range(self.first, self.last)])
+        active, whole = one.active, partial(np.zeros, count, dtype=np.int64)
+        self.columns = columns = Columns(
+            starts, swarm.slips[self.first : self.last][:, active].copy(), np.tile(task.coefficient[active], (count, 1)), arguments, one.arguments,
+            np.full(count, UNDONE), whole(), whole(), whole(), np.zeros(count), np.zeros((count, n)),
+        )  # fmt: skip
+        motion, log, start, table = placed(one.free), placed(one.events), one.state.control.copy(), placed(columns)
+        states, histories = self.found.states[self.first : self.last], self.found.histories[self.first : self.last]
+        row_pair, polynomial, felt = np.zeros((2, n)), np.zeros_like(one.work.polynomial), swarm.felt()
+        self._march = partial(march_many, attempt, watch, watching, parts, motion, log, start, most, record, table)
+        self._sample = lambda begun, end: sample(one.free.fun, parts, record, table, swarm.wanted, begun, end, felt, states, histories, row_pair, polynomial)
+        self._march(count)
+        self._sample(count, count)
+
+    def march(self) -> None:
+        """All of them."""
+        assert self.one is not None
+        log, columns, done = self.one.events, self.columns, 0
+        while done < self.last - self.first:
+            log.logged[0] = 0
+            end = self._march(done)
+            self._sample(done, end)
+            self._note(log, columns, done, end)
+            done = end
+
+    def _note(self, log: Any, columns: Columns, begun: int, end: int) -> None:
+        """How those that were marched ended, and what happened to them; the general solver for those that compiled code gave back."""
+        found, logged = self.found, 0
+        for j in range(begun, end):
+            happened = slice(logged, int(columns.logged[j]))
+            logged = int(columns.logged[j])
+            if columns.codes[j] not in STATUS:
+                self.alone([self.first + j])
+                continue
+            which = log.log_events[happened]
+            found.status[self.first + j] = self.swarm.ended(STATUS[int(columns.codes[j])], which)
+            found.ends[self.first + j] = columns.time[j]
+            if len(which):
+                self.seen.particle += [self.first + j] * len(which)
+                self.seen.event += which.tolist()
+                self.seen.time += log.log_times[happened].tolist()
+                self.seen.state += list(log.log_states[happened].copy())
