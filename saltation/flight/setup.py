@@ -213,7 +213,7 @@ class Engine:
             assert self.numbers.stage is not None
             return Restitution(max(0.0, 0.75 - 0.25 * self.numbers.stage), 0.0, stokes)
         if bed.restitution == "stokes":
-            return Restitution(0.97, bed.decay, stokes)
+            return Restitution(0.97, self.scene.stokes_decay, stokes)
         return Restitution(float(bed.restitution), 0.0, stokes)
 
     @cached_property

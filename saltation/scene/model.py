@@ -120,6 +120,19 @@ class SceneBase(Table):
         return (*self.preset.effects, *meeting)
 
     @property
+    def stokes_decay(self) -> float:
+        """Dimensionless k of e = 0.97 exp(−k/St): as given; or what fits measured bounces with the scene's history and kernel; or Gondret's 35.
+
+        They belong together: what is read as e from the slopes of a path at a wall has the history force of the rebound in it (reports/measured.md).
+        """
+        if self.bed is not None and self.bed.stokes_decay is not None:
+            return self.bed.stokes_decay
+        if "history" not in self.names:
+            return 35.0
+        options = self.options("history")
+        return DECAYS[options.rebound][options.kernel]
+
+    @property
     def preset(self) -> Preset:
         """What a word for the effects stands for."""
         return Preset(ALL, 3, collisions="hard") if self.effects == AUTO else PRESETS[str(self.effects)]
@@ -234,9 +247,6 @@ class SceneBase(Table):
             raise ValueError(f"start.velocity must have no component across the stream in two dimensions, got {velocity}")
         if self.in_plane and spin is not None and (spin[0] != 0.0 or spin[2] != 0.0):
             raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
-        if self.bed is not None and "history" in names:  # restitution and history belong together
-            options = self.options("history")
-            self.__dict__["bed"] = self.bed.with_decay(DECAYS[options.rebound][options.kernel])
         self._check_numbers()
         self._check_duration()
         if "history" in names:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from basset import _validate
 from saltation._tables import Table
@@ -100,22 +100,6 @@ class Bed(Table):
     friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
     tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
     contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
-
-    _decay: float = PrivateAttr(35.0)  # read from the slopes of a path at the wall: Gondret, Lance & Petit (2002), Phys. Fluids 14, 643
-
-    @property
-    def decay(self) -> float:
-        """Dimensionless k of e = 0.97 exp(−k/St): as given; or what fits measured bounces with the scene's treatment of the history and kernel; or 35.
-
-        They belong together: what is read as e from the slopes of a path at a wall has the history force of the rebound in it (reports/measured.md).
-        """
-        return self._decay if self.stokes_decay is None else self.stokes_decay
-
-    def with_decay(self, decay: float) -> Self:
-        """The same bed, for a scene whose history wants that k where none is given."""
-        made = self.model_copy()
-        made._decay = decay
-        return made
 
     @model_validator(mode="after")
     def _right_restitution(self) -> Bed:

@@ -366,8 +366,12 @@ class TestHistory:
         assert kernels == history.KERNELS
 
     def test_warnings(self):
-        assert "compare its four choices" in history.warnings(history.Options(), N)[0]
-        assert history.warnings(history.Options(), numbers_of(WATER, NU, QUARTZ, 8e-5)) == []
+        assert [history.warnings(history.Options(rebound=rebound), N) != [] for rebound in ("impulse", "restart", "reset", "none")] == [
+            False,
+            False,
+            True,
+            True,
+        ]
 
 
 def all_forces(profile=SWAMEE, form="vector"):
