@@ -102,9 +102,6 @@ BOUNDED = [name for name in STREAMS if name not in ENDLESS]
 every_stream = chosen(STREAMS)
 polynomial_streams = chosen(name for name, stream in STREAMS.items() if stream.degree >= 1)
 baselines = chosen(name for name, stream in STREAMS.items() if stream.averages)
-tailed_streams = chosen(name for name, stream in STREAMS.items() if stream.rtol)
-
-
 Rate = np.ndarray | Callable[[np.ndarray], np.ndarray]
 NODES, SHARES = np.polynomial.legendre.leggauss(24)
 

@@ -64,7 +64,7 @@ def python(code: str, *arguments: str, cwd: Path, **environment: str) -> subproc
 
 @pytest.fixture
 def copied_package(tmp_path):
-    shutil.copytree(PACKAGE, tmp_path / "basset", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE, tmp_path / "basset")  # with its bytecode
     return tmp_path
 
 

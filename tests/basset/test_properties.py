@@ -45,14 +45,6 @@ def size_of(*histories: np.ndarray) -> float:
 class TestLinear:
     @every_stream
     @few
-    @given(n=lengths, seed=seeds, a=sizes, b=sizes)
-    def test_in_the_rate(self, stream, n, seed, a, b):
-        f, g = random_rates(n, seed), random_rates(n, seed + 1)
-        F, G = a * streamed(stream, f), b * streamed(stream, g)
-        close(streamed(stream, a * f + b * g), F + G, size_of(F, G))
-
-    @every_stream
-    @few
     @given(seed=seeds, a=sizes, node=st.integers(0, 60), age=st.floats(0.0, 1.0), kink=st.booleans())
     def test_in_jumps_and_rates_together(self, stream, seed, a, node, age, kink):
         age = min(age, float(node))
@@ -90,29 +82,12 @@ class TestInTime:
 
     @every_stream
     @few
-    @given(n=lengths, seed=seeds, cut=st.integers(1, HORIZON))
-    def test_the_future_does_not_matter(self, stream, n, seed, cut):
-        g = random_rates(n, seed)
-        other = g.copy()
-        other[cut:] = 99.0
-        np.testing.assert_array_equal(streamed(stream, other)[:cut], streamed(stream, g)[:cut])
-
-    @every_stream
-    @few
     @given(n=lengths, seed=seeds, exponent=st.integers(-15, 15))
     def test_scaling_of_time_scales_by_the_root(self, stream, n, seed, exponent):
         """dt·4^k at the same samples: H·2^k; with an exponential tail to rounding of the scaled sum."""
         g = random_rates(n, seed)
         H, stretched = streamed(stream, g), streamed(stream, g, dt=DT * 4.0**exponent)
         close(stretched, H * 2.0**exponent, 2.0**exponent * size_of(H))
-
-    @every_stream
-    @few
-    @given(n=lengths, seed=seeds, factor=st.floats(1e-6, 1e6))
-    def test_by_any_factor(self, stream, n, seed, factor):
-        g = random_rates(n, seed)
-        H, stretched = streamed(stream, g), streamed(stream, g, dt=DT * factor)
-        close(stretched, H * np.sqrt(factor), 10.0 * np.sqrt(factor) * size_of(H))
 
 
 class TestBatches:
@@ -128,16 +103,6 @@ class TestBatches:
             one_by_one.append(plan.value(single))
         batch = [plan.run(blocks, block) for block in np.split(g, sorted(min(cut, n + 1) for cut in cuts))]
         np.testing.assert_array_equal(np.concatenate(batch), one_by_one)
-
-    @every_stream
-    @few
-    @given(n=lengths, seed=seeds, grains=st.integers(1, 20), node=st.integers(0, 60))
-    def test_permuting_grains_permutes_results(self, stream, n, seed, grains, node):
-        node = min(node, n)
-        g, delta = random_rates(n, seed, grains), random_rates(0, seed + 1, grains)[0]
-        order = np.random.default_rng(seed).permutation(grains)
-        H = streamed(stream, g, [(node, delta, 0.0, None)])
-        np.testing.assert_array_equal(streamed(stream, g[:, order], [(node, delta[order], 0.0, None)]), H[:, order])
 
 
 class TestNothingHappens:

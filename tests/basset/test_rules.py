@@ -208,14 +208,6 @@ class TestExactness:
 
 class TestStarts:
     @full_rules
-    def test_step_is_exact_through_initial_slip(self, make):
-        problem = PROBLEMS["step"]
-        t, _ = problem.grid(1000)
-        H = basset.cumulate(rule=make(0.0), **problem.arguments(1000))
-        assert H[0] == np.inf
-        np.testing.assert_allclose(H[1:], problem.exact(t[1:]), rtol=4 * EPS)  # one root, one division, one rounded node
-
-    @full_rules
     @pytest.mark.parametrize("name", KERNELS)
     def test_step_is_the_kernel(self, make, name):
         rule, kernel = make(0.0), KERNELS[name]

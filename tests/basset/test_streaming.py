@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import io
-import itertools
 import pickle
 
 import numpy as np
@@ -14,7 +13,6 @@ from rule_cases import EPS, samples
 from stream_cases import BOUNDED, DT, ENDLESS, HORIZON, STREAMS, WINDOW, chosen, copied, every_stream, same, with_kernels
 
 import basset
-from basset import reference
 from basset.kernels import gauss_legendre
 from basset.problems import PROBLEMS
 from basset.quadrature.newton_cotes import OpenTrapezoid
@@ -108,15 +106,6 @@ class TestOneHistoryManyWays:
             plan = rule.plan(DT, (WINDOW - 4) * DT)
             H = plan.run(plan.start(), g)
             np.testing.assert_allclose(H, basset.cumulate(g, DT, basset.Daitche(order)), rtol=0.0, atol=1e-13 * largest(H))
-
-    @every_stream
-    def test_the_first_value_is_zero(self, stream):
-        plan = stream.plan()
-        state = plan.start((2,))
-        assert not plan.tail(state).any()
-        assert plan.local(state) == 0.0
-        plan.push(state, np.array([3.0, -1.0]))
-        assert not plan.value(state).any()
 
 
 class TestSplitTailAndLocal:
@@ -413,40 +402,6 @@ class TestAMillionSteps:
         sizes = [sum(array.nbytes for array in basset.Exponential(3, 1e-6).plan(1.0, steps).start((3,))) for steps in (1e2, 1e4, 1e6)]
         terms = [len(basset.Exponential(3, 1e-6).plan(1.0, steps).tail_sum) for steps in (1e2, 1e4, 1e6)]
         assert np.diff(sizes).tolist() == (3 * 8 * np.diff(terms)).tolist()
-
-
-class TestOrder:
-    """On the cosine against its closed form: the order of the rule down to the promised floor, and no lower than the floor allows."""
-
-    T = 40.0
-    RULES = (
-        ("exponential", lambda order, rtol, dt: basset.Exponential(order, rtol)),
-        ("tailed", lambda order, rtol, dt: basset.Windowed(basset.Daitche(order), 2.0, basset.ExponentialSum.fit(1.9, 41.0, rtol))),
-    )
-
-    def error(self, rule: basset.Rule, n: int) -> float:
-        t = np.linspace(0.0, self.T, n + 1)
-        plan = rule.plan(self.T / n, self.T)
-        return float(np.abs(plan.run(plan.start(), np.cos(t)) - reference.cosine(t))[n // 2 :].max())
-
-    @pytest.mark.parametrize("make", [make for _, make in RULES], ids=[name for name, _ in RULES])
-    @pytest.mark.parametrize("order", range(1, 7))
-    def test_kept_down_to_the_floor(self, make, order):
-        rtol = 1e-12
-        steps = [n for n in (200, 400, 800, 1600) if n < 1700 - 200 * order]
-        errors = [self.error(make(order, rtol, self.T / n), n) for n in steps]
-        floor = rtol * 2.0 * np.sqrt(self.T)
-        slopes = [np.log2(coarse / fine) for coarse, fine in itertools.pairwise(errors) if fine > 10.0 * floor]
-        assert slopes
-        # not below p + 1 by more than 0.35 (the slope before the asymptotic range; higher orders run ahead)
-        assert min(slopes) > order + 0.65
-
-    @pytest.mark.parametrize("make", [make for _, make in RULES], ids=[name for name, _ in RULES])
-    @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
-    def test_the_floor_is_the_promised_one(self, make, rtol):
-        """With a fine step what is left is the tail's: below rtol·∫K|g| ≤ rtol·2√T, and there (not zero)."""
-        error = self.error(make(6, rtol, self.T / 8000), 8000)
-        assert 1e-3 * rtol < error <= rtol * 2.0 * np.sqrt(self.T)
 
 
 class TestExponentialKeepsItsBound:

@@ -224,15 +224,15 @@ def results(folder: Path) -> int:
     return len(list((folder / "store").glob("[!.]*.json")))
 
 
-def command(folder: Path, seeds: Iterable[int]) -> list[str]:
-    return [*COMMAND, f"run.seed={','.join(map(str, seeds))}", "--output", str(folder)]
+def command(folder: Path, seeds: Iterable[int], *options: str) -> list[str]:
+    return [*COMMAND, f"run.seed={','.join(map(str, seeds))}", "--output", str(folder), *options]
 
 
-def stopped(folder: Path, seeds: Iterable[int], how: str, least: int, wait: float = 0.0) -> tuple[int, str]:
+def stopped(folder: Path, seeds: Iterable[int], how: str, least: int, *options: str, wait: float = 0.0) -> tuple[int, str]:
     """Exit status and stderr of the command, stopped when there are so many results; no process stays behind."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what starts in the background ignores interrupts, and so does what it starts
-    with subprocess.Popen(command(folder, seeds), env=ENVIRONMENT, start_new_session=True, **pipes) as process:
+    with subprocess.Popen(command(folder, seeds, *options), env=ENVIRONMENT, start_new_session=True, **pipes) as process:
         signal.signal(signal.SIGINT, before)
         while process.poll() is None and results(folder) < least:
             time.sleep(0.01)
@@ -254,7 +254,7 @@ def stopped(folder: Path, seeds: Iterable[int], how: str, least: int, wait: floa
 def test_a_stopped_campaign_says_how_it_goes_on(tmp_path, how):
     """From the command line, in the midst of what would last half a minute."""
     folder, seeds = tmp_path / "stopped", range(1, 61)
-    status, error = stopped(folder, seeds, how, 2)
+    status, error = stopped(folder, seeds, how, 2, "--workers", "1")
     assert 2 <= results(folder) < len(seeds), error
     assert not (folder / "table.csv").exists()
     assert (status, error) == (130, f"stopped: what is finished is kept in {str(folder)!r}, the same command goes on from there\n")
@@ -264,7 +264,7 @@ def test_a_campaign_killed_again_and_again(tmp_path, undisturbed):
     """The main process is killed at two random times; the same command ends with the same table, as if nothing had been."""
     folder, chance, kept = tmp_path / "killed", random.Random(2), 0
     for _ in range(2):
-        stopped(folder, SEEDS, "SIGKILL", kept + 1, chance.uniform(0.0, 0.2))
+        stopped(folder, SEEDS, "SIGKILL", kept + 1, wait=chance.uniform(0.0, 0.2))
         before, kept = kept, results(folder)
         assert before < kept
         assert kept < len(SEEDS) or before
@@ -497,6 +497,7 @@ def test_the_command_runs_table_4_1_compares_and_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "REYNOLDS", (73.0,))
     monkeypatch.setattr(study, "STAGES_OF_GRAINS", (2.0, 3.0))
     monkeypatch.setattr(study, "LASTING", 30.0)
+    monkeypatch.setattr(campaigns, "cores", lambda: 1)  # in this process: on several it is killed above
     arguments = ["campaign", "grains", "--set", "run.discard=2", "--output", str(tmp_path / "out")]
     out = CliRunner().invoke(cli.main, arguments)
     assert out.exit_code == 0, (out.output, out.exception)

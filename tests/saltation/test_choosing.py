@@ -470,13 +470,3 @@ def test_force_takes_nothing_away_before_the_choice_is_made(tmp_path, monkeypatc
     out = CliRunner().invoke(cli.main, ["run", "sand_cloud", "--set", "effects=auto", "--output", str(tmp_path), "--force"])
     assert out.exit_code == 130 and "stopped" in out.stderr
     assert (tmp_path / "run.json").exists()
-
-
-@pytest.mark.parametrize("command", ["ablate", "uncertainty"])
-def test_an_interrupt_is_one_sentence(command, monkeypatch):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(choices if command == "uncertainty" else advice, command, interrupted)
-    out = CliRunner().invoke(cli.main, [command, "sand"])
-    assert out.exit_code == 130 and out.stderr.strip() == "stopped: nothing is kept"

@@ -12,8 +12,8 @@ import basset
 import saltation
 from basset import reference
 from basset.solvers import stepper
-from saltation.flight import equations
-from saltation.flight.setup import Engine, Grain
+from saltation.flight import equations, layout
+from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.flow import tabulated
 
 MEMORIES = ("impulse", "restart", "reset", "none")
@@ -313,9 +313,9 @@ class TestImpacts:
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
-@pytest.mark.parametrize("effects", [["magnus", "rotation"], ["magnus"], ["rotation"], []], ids=str)
+@pytest.mark.parametrize("effects", [["magnus", "rotation"], []], ids=str)
 def test_stiff_drag_takes_no_more_steps_with_spins_among_the_states(dimensions, effects):
-    """Where the slips lie among the states does not depend on what else is a state, nor on whether there is a history."""
+    """Where the slips lie among the four, five, six or nine states does not depend on what else is a state, nor on whether there is a history."""
     made = scene(
         "sand",
         dimensions=dimensions,
@@ -327,5 +327,7 @@ def test_stiff_drag_takes_no_more_steps_with_spins_among_the_states(dimensions, 
         history=None,
         magnus=None if "magnus" not in effects else {},
     )
-    path = flown(made).trajectory
-    assert path.sizes["time"] < 1500  # some hundred steps at most, of a few nodes each; 150 000 steps with a wrong diagonal
+    engine = Engine(made)
+    grain = Grain(engine)
+    grain.fly(empty_record(1, engine.tables.count, engine.states), False, np.zeros((1, len(layout.COLUMNS))))
+    assert 10 < grain.state.control[0].steps < 500  # 150 000 with a wrong diagonal

@@ -216,7 +216,10 @@ def test_still_water_has_no_shear_velocity(tmp_path):
 # Interrupts
 
 
-@pytest.mark.parametrize("command", [["run", "sand"], ["check", "sand"], ["schema"], ["plot", "x.nc"], ["campaign", "sand", "--output", "c"]])
+@pytest.mark.parametrize(
+    "command",
+    [["run", "sand"], ["check", "sand"], ["schema"], ["plot", "x.nc"], ["campaign", "sand", "--output", "c"], ["ablate", "sand"], ["uncertainty", "sand"]],
+)
 def test_an_interrupt_is_one_sentence(command, monkeypatch, tmp_path):
     """Wherever it comes, also before there is anything to stop."""
     monkeypatch.chdir(tmp_path)
