@@ -170,7 +170,7 @@ def swept(task: Sweep) -> Floats:
 
 
 def several(function: Any, tasks: Sequence[Any]) -> list[Any]:
-    """Of every task, over all cores; the first of every kind of flight first: workers share what they compile."""
+    """Of every task, over all cores."""
     if cores() == 1 or len(tasks) == 1:
         return [function(task) for task in tasks]
     with processes(min(cores(), len(tasks))) as pool:
