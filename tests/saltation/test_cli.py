@@ -378,7 +378,7 @@ def test_check_prints_the_numbers_of_the_field():
     expected |= {"α": numbers.alpha, "c": numbers.history, "St/V_n": numbers.stokes(1.0), "k_s+": numbers.reynolds}
     for name, value in expected.items():
         assert float(lines[name]) == pytest.approx(value, rel=1e-4)
-    for word in ("spin_x, spin_y, spin_z", "exponentials", "collocation", "nothing is left out", "warning: history"):
+    for word in ("spin_x, spin_y, spin_z", "exponentials", "collocation", "not computed: wall (not among the effects)", "warning: history"):
         assert word in out.stdout
 
 
