@@ -38,8 +38,8 @@ MOST = 4  # fields
 SHIFTS = 41  # of the clock, of each flight of the scan
 REFINED = 2  # minima of the scan
 ITERATIONS = 25
-CLOSE = 1e-4  # of a standard error: where the refinement stops
-STEPS = (1e-5, 2e-3)  # of a range: differences, at least and at most; flights are good to 1e-5
+CLOSE, NEAR = 1e-4, 0.03  # of a standard error: where the refinement stops, and where it does for a profile
+STEPS = (1e-4, 2e-3)  # of a range: differences, at least and at most; flights are good to 1e-5
 CONFIDENCE = 0.95
 SAMPLES = 2000  # of the bootstrap
 FAINTEST = 1e-6  # noise, of the extent of a quantity: flights are no better
@@ -553,11 +553,11 @@ class Problem:
             columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
         return np.column_stack(columns)
 
-    def solve(self, u: Floats, counts: Mapping[str, Any], free: Sequence[int]) -> tuple[Floats, Floats, Floats]:
-        """The minimum over the free shares, the others held: (shares, slopes, residuals) there."""
+    def solve(self, u: Floats, counts: Mapping[str, Any], free: Sequence[int], close: float = CLOSE) -> tuple[Floats, Floats, Floats]:
+        """The minimum over the free shares, the others held, to so many standard errors: (shares, slopes up to the last step, residuals) there."""
         u, steps, damping = u.copy(), np.full(len(u), STEPS[1]), 1e-4
         off = self.residuals(self.at(u), counts)
-        for _ in range(ITERATIONS):
+        for turn in range(ITERATIONS):
             slopes = self.slopes(u, counts, free, steps)
             normal, downhill = slopes.T @ slopes, -slopes.T @ off
             size = np.sqrt(np.diag(normal))
@@ -565,6 +565,7 @@ class Problem:
                 name = self.names[next(k for k, one in zip(free, size, strict=True) if one == 0.0)]
                 raise FlatError(f"{name} cannot be fitted: the record holds nothing that it changes")
             scale = math.sqrt(max(float(off @ off), 1e-30) / max(1, len(off) - len(free)))
+            scale = max(1.0, scale) if self.given else scale
             steps[list(free)] = np.clip(0.5 * scale / size, *STEPS)
             moved = np.zeros(len(free))
             while damping < 1e12:
@@ -580,13 +581,13 @@ class Problem:
                     moved = np.abs(other - u)[list(free)] * size / scale
                     u, off, damping = other, after, max(0.1 * damping, 1e-8)
                     break
-                if (np.abs(other - u)[list(free)] * size < CLOSE * scale).all():
+                if (np.abs(other - u)[list(free)] * size < close * scale).all():
                     break
                 damping *= 10.0
-            if (moved < CLOSE).all():
+            if turn and (moved < close).all():  # the first differences are wide
                 break
             damping = min(damping, 1e3)
-        return u, self.slopes(u, counts, free, steps), off
+        return u, slopes, off
 
     def intervals(self, u: Floats, counts: dict[str, Any], slopes: Floats, off: Floats) -> Fitted:
         """How well the fields are known at the minimum."""
@@ -599,24 +600,23 @@ class Problem:
         square = max(1.0, square) if self.given else square
         cover = np.linalg.pinv(slopes.T @ slopes)
         errors = np.sqrt(square * np.diag(cover))
-        if not np.isfinite(errors).all() or np.linalg.matrix_rank(slopes / np.linalg.norm(slopes, axis=0), tol=1e-6) < len(u):
-            raise ValueError(f"{' and '.join(self.names)} cannot be fitted together: what the one changes the other undoes")
+        if len(u) > 1 and not (errors < 1.0).all():
+            raise ValueError(f"{' and '.join(self.names)} cannot be fitted together in these ranges: what the one changes another undoes")
         factor = float(student.ppf(0.5 + 0.5 * CONFIDENCE, sizes))
-        profile = np.array([[self.end(u, k, side, errors[k], factor, square, counts, off) for side in (-1.0, 1.0)] for k in range(len(u))])
+        profile = np.array([[self.end(u, k, side, cover, factor, square, counts, off) for side in (-1.0, 1.0)] for k in range(len(u))])
         blocks = u + self.resampled(slopes, off, counts)
         return Fitted(errors * unit, self.low[:, None] + profile * unit[:, None], self.low[:, None] + blocks.T * unit[:, None], counts)
 
-    def end(self, u: Floats, k: int, side: float, error: float, factor: float, square: float, counts: Mapping[str, Any], off: Floats) -> float:
+    def end(self, u: Floats, k: int, side: float, cover: Floats, factor: float, square: float, counts: Mapping[str, Any], off: Floats) -> float:
         """An end of the interval of one share: where the least sum of squares with it held has risen by what the confidence allows, or the range ends."""
         least, others = float(off @ off), [i for i in range(len(u)) if i != k]
-        inside, outside, reach = 0.0, math.inf, factor * error
+        inside, outside, reach = 0.0, math.inf, factor * math.sqrt(square * cover[k, k])
         edge = u[k] if side < 0.0 else 1.0 - u[k]
         for _ in range(8):
             reach = min(reach, edge)
-            at = u.copy()
-            at[k] += side * reach
+            at = np.clip(u + side * reach * cover[k] / cover[k, k], 0.0, 1.0)  # where the others follow
             try:
-                rest = self.solve(at, counts, others)[2] if others else self.residuals(self.at(at), counts)
+                rest = self.solve(at, counts, others, NEAR)[2] if others else self.residuals(self.at(at), counts)
                 risen = math.sqrt(max(0.0, float(rest @ rest) - least) / square) / factor
             except SceneError:
                 risen = math.inf

@@ -218,6 +218,12 @@ def test_the_clock_and_the_zero_of_a_record_are_fitted_with_the_restitution():
         assert fitted.loc[name, "standard_error"] < {"time": 2e-4, "zero": 4e-5}.get(name, 5e-3)
 
 
+def test_what_undoes_each_other_is_refused():
+    """In still water only the ratio of the densities matters."""
+    with pytest.raises(ValueError, match=r"fluid\.density and grain\.density cannot be fitted together"):
+        compare({"t": TIMES, "z": exact(TIMES)[0]}, bouncer(), ["fluid.density", "grain.density"], error=1e-4)
+
+
 def test_a_record_by_its_first_contact():
     """As records of rebounds come: the first contact at 0, nothing known of the fall."""
     z, _, contacts = exact(TIMES)
