@@ -82,9 +82,3 @@ def test_no_module_is_named_like_a_public_function():
     assert {"integrate", "cumulate"} <= functions
     modules = {path.stem if path.stem != "__init__" else path.parent.name for path in MODULES if path.relative_to(ROOT).parts[0] == "basset"}
     assert not functions & modules
-
-
-def test_every_public_name_is_there():
-    assert sorted(set(basset.__all__)) == sorted(basset.__all__)
-    for name in basset.__all__:
-        assert getattr(basset, name).__doc__

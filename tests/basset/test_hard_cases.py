@@ -80,18 +80,6 @@ def test_a_slip_that_does_not_start_from_rest(order):
     assert error[200:].max() < 1.0 * dt ** min(order + 1.0, 3.5) + 1e-8
 
 
-@orders
-def test_the_root_of_time(order):
-    """f = √τ: H = π/2; its rate is infinite at the start, so the samples are slips, and every order is limited to h^(3/2)."""
-    t = np.linspace(0.0, 10.0, 4001)
-    H = basset.cumulate(np.sqrt(t), t[1], basset.Daitche(order), input="slip")
-    coarse = basset.cumulate(np.sqrt(t[::4]), t[4], basset.Daitche(order), input="slip")
-    error = np.abs(H - np.pi / 2.0)
-    assert error[1:].max() < 0.5  # the very first nodes
-    assert error[-1] < 2e-4
-    assert np.log2(abs(coarse[-1] - np.pi / 2.0) / error[-1]) / 2.0 > 1.4
-
-
 @every_stream
 def test_the_root_of_time_as_a_stream(stream):
     """A stream takes rates: an infinite one is refused, one infinite only before the first sample keeps everything finite."""

@@ -41,13 +41,6 @@ class TestExtremes:
         assert relaxing(rate, c, 1.0).error(basset.Collocation(rtol=rtol)) <= FACTOR * rtol
         assert settling(rate, c, 1.0).error(basset.Collocation(rtol=rtol)) <= FACTOR * rtol
 
-    def test_equal_roots(self, rtol):
-        """ρ_s/ρ = 5/8: the closed form's two roots coincide, πc² = 4λ."""
-        rate, c = sphere(5.0 / 8.0)
-        assert math.pi * c**2 == pytest.approx(4.0 * rate, rel=1e-14)
-        assert relaxing(rate, c, 1.0).error(basset.Collocation(rtol=rtol)) <= FACTOR * rtol
-        assert settling(rate, c, 1.0).error(basset.Collocation(rtol=rtol)) <= FACTOR * rtol
-
     @pytest.mark.parametrize("c", [1e2, 1e3, 1e4])
     def test_huge_c(self, rtol, c):
         """At c = 1e4 the slip fades within 1/(πc²) = 3e-9 of the time span."""

@@ -66,15 +66,6 @@ def test_streams_with_varying_slip_guard_theirs():
         following.jump(state, 1.0, 0.005)
 
 
-@pytest.mark.parametrize("rule", [Daitche(3), Exponential(3), Windowed(Daitche(2), 0.1)])
-def test_no_grains_at_all(rule):
-    plan = rule.plan(0.01, 1.0)
-    state = plan.start((0, 3))
-    plan.push(state, np.zeros((0, 3)))
-    plan.jump(state, 1.0, 0.0, np.zeros((0, 3)))
-    assert plan.run(state, np.zeros((4, 0, 3))).shape == (4, 0, 3)
-
-
 @pytest.mark.parametrize("order", [1, 2, 3, 6, 10])
 @pytest.mark.parametrize("window", [2.55, 2.56, 2.57, 2.6, 5.0])  # around the window from which a path is convolved by FFT
 def test_a_whole_path_under_a_long_window_is_the_stream(order, window):

@@ -164,7 +164,10 @@ class TestBlocks:
     def test_no_component_or_sample_at_all(self, stream):
         plan = stream.plan()
         for shape in ((2, 0), (0, 3)):
-            assert plan.run(plan.start(shape), np.empty((9, *shape))).shape == (9, *shape)
+            state = plan.start(shape)
+            plan.push(state, np.empty(shape))
+            plan.jump(state, 1.0, 0.0, np.empty(shape))
+            assert plan.run(state, np.empty((9, *shape))).shape == (9, *shape)
         state = plan.start((3,))
         before = copied(state)
         assert plan.run(state, np.empty((0, 3))).shape == (0, 3)
