@@ -14,9 +14,9 @@ import numpy as np
 from basset._compile import call, compiled, is_compiled, placed, shared, tabulate
 from basset.kernels import Floats
 from basset.particles._sources import Sources
-from basset.solvers import stepper
+from basset.solvers import events, stepper
 from basset.solvers._graded import Integration
-from basset.solvers._many import RECORDED, STATUS, UNDONE, Columns, march_many
+from basset.solvers._many import BEGUN, RECORDED, STATUS, UNDONE, Columns
 from basset.solvers.base import MESSAGES, Event, Piece, SolverError, Task, Trace, off_surfaces
 
 LEFT = 3  # status of a particle that left the grid
@@ -61,67 +61,104 @@ def slope_at(polynomial: Floats, kind: int, h: float, theta: float, a: int) -> f
     return 2.0 * total / h / (2.0 * q if kind == 1 else 1.0)
 
 
-def _make_sample(digest: str) -> Callable[..., Any]:
-    def sample(fun, p, record, columns, wanted, first, last, felt, states, histories, row, polynomial):
-        """States and histories of systems first … last − 1 at the wanted times up to each one's end; `felt`: whether the history acts."""
+@shared
+def sample(fun: Any, p: Any, record: Any, steps: int, columns: Any, j: int, wanted: Floats, felt: bool, states: Floats, histories: Floats, row: Floats) -> None:
+    """States and histories of system j, whose `steps` steps are recorded, at the wanted times up to its end; `felt`: whether the history acts."""
+    end, n, members, polynomial = columns.time[j], columns.y0.shape[1], histories.shape[2], p.work.polynomial
+    k, fitted = -1, -1
+    for i in range(len(wanted)):
+        t = wanted[i]
+        if t > end:
+            break
+        while k + 1 < steps and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
+            k += 1
+        while k > 0 and record.share[k] == 0.0:
+            k -= 1
+        at, theta = k, 0.0
+        if k >= 0:
+            theta = min(max((t - record.start[k]) / record.size[k], 0.0), record.share[k])
+            if theta == 0.0 and k > 0 and record.leapt[k - 1] == 0.0:  # the end of the step before
+                at, theta = k - 1, record.share[k - 1]
+        if at >= 0 and fitted != at:
+            stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
+            fitted = at
+        for a in range(n):
+            if at < 0:
+                row[0, a] = columns.y0[j, a]
+            elif t >= end:
+                row[0, a] = columns.y[j, a]
+            elif theta == 0.0:
+                row[0, a] = record.y[at, a]
+            else:
+                row[0, a] = stepper.at(polynomial, record.y[at], int(record.kind[at]), theta, a)
+            states[j, i, a] = row[0, a]
+        for a in range(members):
+            histories[j, i, a] = 0.0
+        if not felt or at < 0:
+            continue
+        if theta > 0.0:
+            call(fun, t, row, 0, row, 1, row)
+        for a in range(members):
+            b = n - members + a
+            if theta > 0.0:
+                histories[j, i, a] = slope_at(polynomial, int(record.kind[at]), record.size[at], theta, b) - row[1, b]
+            else:  # right behind a jump
+                leap = columns.slip[j, a] if at == 0 else record.after[at - 1, b] - record.before[at - 1, b]
+                if leap != 0.0:
+                    histories[j, i, a] = -math.copysign(math.inf, leap)
+
+
+def _make_fly(digest: str) -> Callable[..., Any]:
+    def fly(fun, attempt, watch, watching, p, motion, found, start, most, record, columns, first, wanted, felt, states, histories, row):
+        """Particles from number `first` on, each from `start`, sampled, until too much has happened for the log: the number of the first that is not done.
+
+        As `_many.march_many`, but that a suspicion that the flow jumps is no reason to stop: the error is controlled without it. What has more
+        steps and events than there is room for, or fails, has a code that says so.
+        """
         digest  # noqa: B018 - part of the cache key
-        begun = 0
-        for j in range(first, last):
-            done, code = columns.steps[j], columns.codes[j]
-            if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
-                begun = done
-                continue
-            for a in range(columns.arguments.shape[1]):
-                columns.tables[0, a] = columns.arguments[j, a]
-            end, n, members = columns.time[j], columns.y0.shape[1], histories.shape[2]
-            k, fitted = begun - 1, -1
-            for i in range(len(wanted)):
-                t = wanted[i]
-                if t > end:
+        state, control, problem = p.state, p.state.control[0], p.problem
+        for j in range(first, len(columns.codes)):
+            logged = found.logged[0]
+            for k in range(columns.tables.shape[0]):
+                for a in range(columns.arguments.shape[1]):
+                    columns.tables[k, a] = columns.arguments[j, a]
+            state.control[0] = start[0]
+            for a in range(len(state.y)):
+                state.y[a], state.rate[a] = columns.y0[j, a], 0.0
+            for a in range(len(motion.held)):
+                motion.held[a] = False
+            for a in range(len(problem.where)):
+                state.jump[a] = columns.slip[j, a]
+                problem.strength[a] = motion.coefficient[a] = columns.coefficient[j, a]
+                for q in range(state.past.shape[1]):
+                    state.past[a, q] = 0.0
+            events.forget(found)
+            code, done = stepper.FULL, 0
+            while code in (stepper.FULL, stepper.ACCEPTED, stepper.SUSPECT):
+                if done >= len(record.start) or found.logged[0] > most:
+                    if logged > 0:
+                        found.logged[0] = logged
+                        return j
+                    code = BEGUN
                     break
-                while k + 1 < done and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
-                    k += 1
-                while k > begun and record.share[k] == 0.0:
-                    k -= 1
-                kept = k
-                theta = (t - record.start[k]) / record.size[k] if k >= begun else 0.0
-                jumps = k == begun or (k > begun and record.leapt[k - 1] != 0.0)
-                if theta <= 0.0 and not jumps and k > begun:  # the end of the step before
-                    k -= 1
-                    theta = record.share[k]
-                theta = min(max(theta, 0.0), record.share[k] if k >= begun else 0.0)
-                if k >= begun and fitted != k:
-                    kind, h = int(record.kind[k]), record.size[k]
-                    stepper.fit_polynomial(p.nodes, kind, h, record.values[k], polynomial)
-                    fitted = k
-                for a in range(n):
-                    if k < begun:
-                        states[j, i, a] = columns.y0[j, a]
-                    elif t >= end:
-                        states[j, i, a] = columns.y[j, a]
-                    elif theta == 0.0:
-                        states[j, i, a] = record.y[k, a]
-                    else:
-                        states[j, i, a] = stepper.at(polynomial, record.y[k], int(record.kind[k]), theta, a)
-                    row[0, a] = states[j, i, a]
-                if felt and k >= begun:
-                    if theta == 0.0:  # right behind a jump
-                        for a in range(members):
-                            b = n - members + a
-                            leap = columns.slip[j, a] if k == begun else record.after[k - 1, b] - record.before[k - 1, b]
-                            histories[j, i, a] = -math.copysign(math.inf, leap) if leap != 0.0 else 0.0
-                    else:
-                        call(fun, t, row, 0, row, 1, row)
-                        for a in range(members):
-                            b = n - members + a
-                            histories[j, i, a] = slope_at(polynomial, int(record.kind[k]), record.size[k], theta, b) - row[1, b]
-                k = kept
-            begun = done
+                code, taken = stepper.advance(attempt, watch, watching, p, record, done)
+                if taken:
+                    done += 1
+            columns.codes[j] = code
+            if code in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+                columns.time[j] = control.time
+                for a in range(len(state.y)):
+                    columns.y[j, a] = state.y[a]
+                sample(fun, p, record, done, columns, j, wanted, felt, states, histories, row)
+            else:
+                found.logged[0] = logged
+            columns.logged[j] = found.logged[0]
+        return len(columns.codes)
 
-    return sample
+    return fly
 
 
-sample = compiled(_make_sample, usually="some 3 s")
+fly = compiled(_make_fly, usually="some 8 s")
 
 
 DEGREE = 28  # of a step in √θ, at most
@@ -332,11 +369,11 @@ class Block:
         )  # fmt: skip
         motion, log, start, table = placed(one.free), placed(one.events), one.state.control.copy(), placed(columns)
         states, histories = self.found.states[self.first : self.last], self.found.histories[self.first : self.last]
-        row_pair, polynomial, felt = np.zeros((2, n)), np.zeros_like(one.work.polynomial), swarm.felt()
-        self._march = partial(march_many, attempt, watch, watching, parts, motion, log, start, most, record, table)
-        self._sample = lambda begun, end: sample(one.free.fun, parts, record, table, swarm.wanted, begun, end, felt, states, histories, row_pair, polynomial)
+        self._march = lambda begun: fly(
+            one.free.fun, attempt, watch, watching, parts, motion, log, start, most, record, table, begun, swarm.wanted, swarm.felt(), states, histories,
+            np.zeros((2, n)),
+        )  # fmt: skip
         self._march(count)
-        self._sample(count, count)
 
     def march(self) -> None:
         """All of them."""
@@ -345,7 +382,6 @@ class Block:
         while done < self.last - self.first:
             log.logged[0] = 0
             end = self._march(done)
-            self._sample(done, end)
             self._note(log, columns, done, end)
             done = end
 
