@@ -767,7 +767,7 @@ def draw_memory(found: Record, title: Callable[[Record], str]) -> Any:
         axes.set(title=title(about).replace("R_p", "R$_p$"), xlabel="mean rise H (d), two standard errors")
         _ticks(axes, (0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20))
     panels[0].set_yticks(range(len(names)), list(reversed(names)))
-    figure.suptitle("Remembering the rebound shortens the jumps, ignoring it lengthens them; no measured rebound decides yet")
+    figure.suptitle("Remembering the rebound shortens the jumps, ignoring it lengthens them: measured rebounds reject that")
     handles, labels = panels[0].get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
     figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=4)

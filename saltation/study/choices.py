@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from saltation.bed.roughness import READINGS
-from saltation.effects.history import KERNELS
+from saltation.effects.history import DECAYS, KERNELS, REJECTED
 from saltation.flow import PROFILES
 from saltation.scene import Scene, SceneError
 from saltation.study.campaigns import campaign
@@ -49,7 +49,8 @@ def _choices(scene: Scene) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
         tables["restitution"] = {f"{given}": {}} | {f"{value}": {"bed": {"restitution": value, "stokes_decay": None}} for value in others}
     if "history" in scene.names:
         tables["kernel"] = {name: {"history": {"kernel": name}} for name in ("basset", *KERNELS)}
-        tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in ("impulse", "restart", "reset", "none")}
+        own = scene.options("history").rebound
+        tables["rebound memory"] = {name: {"history": {"rebound": name}} for name in DECAYS if name not in REJECTED or name == own}
     return tables
 
 

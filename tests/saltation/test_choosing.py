@@ -370,6 +370,11 @@ class TestOtherChoices:
         assert "reichardt" not in found["profile"]  # k_s+ = 18: not smooth
         assert "reichardt" in choices.variants(scene_of(merged(scene.model_dump(exclude_none=True), {"fluid": {"viscosity": 1e-5}})))["profile"]
 
+    def test_what_measured_bounces_reject_is_no_open_choice_but_where_the_scene_has_it(self):
+        scene = saltation.load("sand")
+        assert list(choices.variants(scene)["rebound memory"]) == ["impulse", "restart"]
+        assert list(choices.variants(scene.changed(history={"rebound": "reset"}))["rebound memory"]) == ["impulse", "restart", "reset"]
+
     def test_without_history_there_is_no_memory_to_choose(self):
         assert list(choices.variants(plain())) == ["profile", "reading", "restitution"]
 
