@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from all_cases import each
 from click.testing import CliRunner
 
 import saltation
@@ -172,7 +173,7 @@ def saved(tmp_path_factory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", BAD_SCENES)
+@each("name", BAD_SCENES)
 def test_bad_scenes(scene, tmp_path, name):
     changes, words = BAD_SCENES[name]
     options = [part for change in changes for part in ("--set", change)]
@@ -209,7 +210,7 @@ BAD_FILES = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_FILES)
+@each("name", BAD_FILES)
 def test_bad_files(tmp_path, name):
     content, words = BAD_FILES[name]
     (tmp_path / "own.toml").write_bytes(content)
@@ -254,7 +255,7 @@ BAD_OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_OPTIONS)
+@each("name", BAD_OPTIONS)
 def test_bad_options(scene, tmp_path, name):
     arguments, word = BAD_OPTIONS[name]
     assert word in refuses(tmp_path, *(argument.replace("{}", str(tmp_path)) for argument in arguments))
