@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from all_cases import each
 from rule_cases import refused
 from solver_cases import CASES, coupled, smooth
 
@@ -392,29 +393,29 @@ BAD = {
 
 
 class TestBadInput:
-    @pytest.mark.parametrize("name", BAD)
+    @each("name", BAD)
     def test_refused(self, name):
         changes, error, pattern = BAD[name]
         refused(error, pattern, basset.solve, **({"fun": decay, "t_span": (0.0, 4.0), "y0": [1.0, 1.0]} | changes))
 
     @every_method
-    @pytest.mark.parametrize("rates", [[1.0], [1.0, 2.0, 3.0], 1.0, [[1.0, 2.0]], None])
+    @each("rates", [[1.0], [1.0, 2.0, 3.0], 1.0, [[1.0, 2.0]], None])
     def test_fun_of_the_wrong_shape(self, method, rates):
         refused((TypeError, ValueError), "fun must return 2 rates", basset.solve, lambda t, y: rates, (0.0, 4.0), [1.0, 1.0], method=method)
 
     @every_method
-    @pytest.mark.parametrize("after", [[1.0], 1.0, [[1.0, 2.0]], [1.0, 2.0, 3.0], None])
+    @each("after", [[1.0], 1.0, [[1.0, 2.0]], [1.0, 2.0, 3.0], None])
     def test_a_jump_of_the_wrong_shape(self, method, after):
         kick = marked(lambda t, y: t - 1.0, jump=lambda t, y: after)
         refused((TypeError, ValueError), "jump of event 0 must return 2 states", basset.solve, decay, (0.0, 4.0), [1.0, 1.0], events=kick, method=method)
 
-    @pytest.mark.parametrize("after", ["ab", ["a", "b"], [1.0, "b"]])
+    @each("after", ["ab", ["a", "b"], [1.0, "b"]])
     def test_fun_and_jump_that_return_words(self, after):
         refused((TypeError, ValueError), "fun must return", basset.solve, lambda t, y: after, (0.0, 4.0), [1.0, 1.0])
         kick = marked(lambda t, y: t - 1.0, jump=lambda t, y: after)
         refused((TypeError, ValueError), "jump of event 0 must return", basset.solve, decay, (0.0, 4.0), [1.0, 1.0], events=kick)
 
-    @pytest.mark.parametrize("value", ["high", None, [1.0, 2.0]])
+    @each("value", ["high", None, [1.0, 2.0]])
     def test_an_event_that_returns_no_number(self, value):
         refused((TypeError, ValueError), "event 0 must return", basset.solve, decay, (0.0, 4.0), [1.0, 1.0], events=lambda t, y: value)
 
@@ -425,34 +426,34 @@ class TestBadInput:
         with pytest.raises(KeyError, match="mine"):
             basset.solve(fun, (0.0, 1.0), [1.0])
 
-    @pytest.mark.parametrize("value", [0.0, -1e-6, 0.2, 1e-13, NAN, INF, "small", None, True])
+    @each("value", [0.0, -1e-6, 0.2, 1e-13, NAN, INF, "small", None, True])
     def test_rtol(self, value):
         refused((TypeError, ValueError), "rtol must be", basset.Collocation, rtol=value)
 
-    @pytest.mark.parametrize("value", [-1e-9, NAN, INF, "small"])
+    @each("value", [-1e-9, NAN, INF, "small"])
     def test_atol(self, value):
         refused((TypeError, ValueError), "atol must be", basset.Collocation, atol=value)
 
-    @pytest.mark.parametrize("value", [1, 15, 0, -2, 3.0, "five", True])
+    @each("value", [1, 15, 0, -2, 3.0, "five", True])
     def test_stages(self, value):
         refused((TypeError, ValueError), "stages must be a whole number from 2 to 14", basset.Collocation, stages=value)
 
-    @pytest.mark.parametrize("value", [0.0, -1.0, NAN, INF, "long"])
+    @each("value", [0.0, -1.0, NAN, INF, "long"])
     def test_max_step(self, value):
         refused((TypeError, ValueError), "max_step must be", basset.Collocation, max_step=value)
 
-    @pytest.mark.parametrize("method", [basset.FixedStep, basset.RungeKutta4])
-    @pytest.mark.parametrize("value", [0.0, -0.1, NAN, INF, "short", None])
+    @each("method", [basset.FixedStep, basset.RungeKutta4])
+    @each("value", [0.0, -0.1, NAN, INF, "short", None])
     def test_dt(self, method, value):
         refused((TypeError, ValueError), "dt must be", method, value)
 
-    @pytest.mark.parametrize("method", [basset.FixedStep, basset.RungeKutta4])
-    @pytest.mark.parametrize(("word", "nearest"), [("daitch", "daitche"), ("euler", "euler_maclaurin"), ("Brush", "brush")])
+    @each("method", [basset.FixedStep, basset.RungeKutta4])
+    @each("word, nearest", [("daitch", "daitche"), ("euler", "euler_maclaurin"), ("Brush", "brush")])
     def test_unknown_rules(self, method, word, nearest):
         refused(ValueError, f"did you mean '{nearest}'", method, 0.1, word)
 
-    @pytest.mark.parametrize("method", [basset.FixedStep, basset.RungeKutta4])
-    @pytest.mark.parametrize("rule", [3, None, basset.Daitche])
+    @each("method", [basset.FixedStep, basset.RungeKutta4])
+    @each("rule", [3, None, basset.Daitche])
     def test_rules_that_are_none(self, method, rule):
         refused(TypeError, "rule", method, 0.1, rule)
 
@@ -461,12 +462,12 @@ class TestBadInput:
         for rule in (basset.SemiDerivative(), basset.EulerMaclaurin(), basset.Brush()):
             refused(ValueError, "rule must be a product rule", basset.FixedStep, 0.1, rule, "slip")
 
-    @pytest.mark.parametrize("rule", [basset.SemiDerivative(), basset.Hinsberg(window=1.0)], ids=["semi_derivative", "hinsberg"])
+    @each("rule", [basset.SemiDerivative(), basset.Hinsberg(window=1.0)])
     def test_rules_for_the_basset_kernel_only(self, rule):
         kernel = basset.MeiAdrianKernel(0.1, 1e-3, 1e-6)
         refused((TypeError, ValueError), "kernel", basset.solve, decay, (0.0, 4.0), [1.0], kernel=kernel, method=basset.FixedStep(0.1, rule))
 
-    @pytest.mark.parametrize("name", ["relaxing", "coupled"])
+    @each("name", ["relaxing", "coupled"])
     def test_methods_compare_by_value_and_are_frozen(self, name):
         method = basset.Collocation(rtol=1e-4)
         assert method == basset.Collocation(rtol=1e-4)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from all_cases import each
 from click.testing import CliRunner
 
 import saltation
@@ -180,7 +181,7 @@ def test_jumps_as_a_table(saved, tmp_path):
     pd.testing.assert_frame_equal(pd.read_csv(path), saltation.open(saved).jumps, check_dtype=False)
 
 
-@pytest.mark.parametrize("name", BAD_SCENES)
+@each("name", BAD_SCENES)
 def test_bad_scenes(scene, tmp_path, name):
     changes, words = BAD_SCENES[name]
     options = [part for change in changes for part in ("--set", change)]
@@ -217,7 +218,7 @@ BAD_FILES = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_FILES)
+@each("name", BAD_FILES)
 def test_bad_files(tmp_path, name):
     content, words = BAD_FILES[name]
     (tmp_path / "own.toml").write_bytes(content)
@@ -262,7 +263,7 @@ BAD_OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_OPTIONS)
+@each("name", BAD_OPTIONS)
 def test_bad_options(scene, tmp_path, name):
     arguments, word = BAD_OPTIONS[name]
     assert word in refuses(tmp_path, *(argument.replace("{}", str(tmp_path)) for argument in arguments))

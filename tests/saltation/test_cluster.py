@@ -18,7 +18,7 @@ distributed = pytest.importorskip("distributed")
 def scenes():
     """Single grains, enough to keep workers busy, and a cloud."""
     made = []
-    for seed in range(1, 13):
+    for seed in range(1, 9):
         content = read("sand")
         content["run"] |= {"jumps": 500, "seed": seed, "trajectory": False}
         made.append(({"name": f"grain{seed}"}, scene_of(content)))
