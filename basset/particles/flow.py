@@ -200,13 +200,13 @@ class Flow:
 
     def _at(self, t: float, x: ArrayLike) -> Floats:
         """All of it, as rows of `_equation.fields`."""
-        from basset.particles import _sources
+        from basset.particles import _grid  # loads the compiler
 
         time, places = _validate.number("t", t, "a time in seconds"), np.asarray(x, dtype=np.float64)
         if places.ndim not in (1, 2) or places.shape[-1] != self.dimensions:
             raise ValueError(f"x must have {self.dimensions} components, got shape {places.shape}")
         flat = places.reshape(-1, self.dimensions)
-        found = _sources.fields_of(_sources.gridded(self), np.full(len(flat), time), flat)
+        found = _grid.fields_of(_grid.gridded(self), np.full(len(flat), time), flat)
         return found.reshape(*places.shape[:-1], found.shape[1])
 
 
