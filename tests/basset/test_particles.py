@@ -273,6 +273,13 @@ def test_a_grid_is_exact_for_cubic_flows_with_all_derivatives(dimensions, times)
     assert np.array_equal(flow(1.0, many)[3], flow(1.0, many[3]))
 
 
+def test_times_may_be_dates():
+    times = np.arange(4) * np.timedelta64(30, "m") + np.datetime64("2024-01-01")
+    points = np.linspace(0.0, 1.0, 4)
+    ds = grid(lambda t, x: [t + 0.0 * x[0], 0.0 * x[0]], np.arange(4) * 1800.0, points, points).assign_coords(time=times)
+    assert np.isclose(Flow.from_dataset(ds)(2700.0, [0.5, 0.5])[0], 2700.0)
+
+
 def waves(t, x):
     """Taylor and Green's vortices."""
     return np.stack([np.sin(x[0]) * np.cos(x[1]), -np.cos(x[0]) * np.sin(x[1])])
