@@ -174,10 +174,15 @@ def _chebyshev() -> tuple[Floats, Floats]:
 
 def slopes(piece: Piece, theta: float) -> Floats:
     """Rates at θ > 0 of a piece, which is a polynomial in √θ."""
-    points, matrix = _chebyshev()
+    points, _ = _chebyshev()
     root, values = math.sqrt(theta), piece.values(points)
-    row = np.polynomial.chebyshev.chebvander(2.0 * root - 1.0, DEGREE - 1) @ matrix
-    return np.asarray(row[0] @ (values - values[0]) / (2.0 * root * piece.length))
+    return np.asarray(_row(root) @ (values - values[0]) / (2.0 * root * piece.length))
+
+
+@lru_cache(maxsize=64)  # most are at the ends of steps
+def _row(root: float) -> Floats:
+    """Weights of the values at those points for the slope at √θ."""
+    return np.asarray((np.polynomial.chebyshev.chebvander(2.0 * root - 1.0, DEGREE - 1) @ _chebyshev()[1])[0])
 
 
 @dataclass

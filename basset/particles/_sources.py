@@ -12,6 +12,7 @@ import numpy as np
 from basset._compile import c_function, compiler, is_compiled, jit
 from basset.kernels import Floats
 from basset.particles import _equation as eq
+from basset.particles._grid import fields_of, read_grid
 from basset.particles.flow import Flow
 from basset.solvers.base import returned
 
@@ -176,29 +177,6 @@ def _leapt(located: Any, jump: Any, t: float, y: Floats, work: Any, length: floa
 def _within(flow: Flow, t: float, y: Floats, work: Any, length: float, speed: float) -> float:
     x, (low, high) = length * y[: flow.dimensions], flow.bounds[1 : 1 + flow.dimensions].T
     return float(np.minimum(x - low, high - x).min()) / length
-
-
-def read_grid(flow: Flow, words: Any) -> None:
-    """Where a flow's tables lie."""
-    words[eq.GRIDDED] = 1
-    words[eq.AXES], words[eq.KNOTS] = flow.table.ctypes.data, flow.knots.ctypes.data
-    words[eq.COEFFICIENTS], words[eq.BOUNDS] = flow.coefficients.ctypes.data, flow.bounds[1:].ctypes.data
-
-
-def gridded(flow: Flow) -> Floats:
-    """The work space for a flow alone."""
-    work = eq.work_space()
-    words = np.asarray(work)[eq.WORDS].view(np.int64)
-    words[eq.DIMENSIONS] = flow.dimensions
-    read_grid(flow, words)
-    return np.asarray(work) if jit() else work
-
-
-def fields_of(work: Any, times: Floats, places: Floats, fast: bool = True) -> Floats:
-    """u, ∇u and Du/Dt at many points, see `_equation.fields`."""
-    out = np.zeros((len(places), eq.MATERIAL_AT + 3))
-    (eq.fields if fast else eq.plain_fields)(times, np.ascontiguousarray(places), work, out)
-    return out
 
 
 def fields_at(sources: Sources, t: float, places: Floats) -> Floats:

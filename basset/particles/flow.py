@@ -12,6 +12,7 @@ from basset import _validate
 from basset.kernels import Floats
 
 AXES = ("time", "x", "y", "z")
+MARGIN = 1e-10  # of the width: what starts on the edge is inside, and times may round
 FEWEST = 4  # points of an axis, for cubic pieces
 
 
@@ -20,6 +21,12 @@ class Flow:
 
     Value, gradient and material derivative are those of one interpolant, with continuous second derivatives. Its error falls with the fourth power of the
     spacing, that of its derivatives with the third. A particle that leaves a bounded grid stops there: nothing is extrapolated.
+
+    Parameters
+    ----------
+    axes : list of (ndarray (n,), float); s for the first, m
+        Points and period (0: bounded) along time, x, y and z; one point where nothing depends on it. A period ends with the values it began with.
+    values : ndarray (n_t, n_x, n_y, n_z, d), m/s
 
     References
     ----------
@@ -51,7 +58,11 @@ class Flow:
             self.table[axis, :5] = len(spline.t) - 4, sum(map(len, knots)), points[0], points[-1], period
             knots.append(spline.t)
         self.knots, self.coefficients = np.concatenate(knots), np.ascontiguousarray(values)
-        self.bounds = np.array([(-np.inf, np.inf) if period or len(points) == 1 else (points[0], points[-1]) for points, period in axes])
+        self.bounds = np.tile([-np.inf, np.inf], (4, 1))
+        for axis, (points, period) in enumerate(axes):
+            if len(points) > 1 and not period:
+                margin = MARGIN * (points[-1] - points[0])
+                self.bounds[axis] = points[0] - margin, points[-1] + margin
 
     @classmethod
     def from_dataset(cls, ds: Any, components: Sequence[str] = ("u", "v", "w"), periodic: Mapping[str, float] | None = None) -> Flow:
@@ -129,19 +140,8 @@ class Flow:
             axes.append((points, period))
         return cls(axes, values)
 
-    def check(self, start: float, end: float, places: Floats) -> None:
-        """Whether the grid holds a time span (s) and positions (n, d) (m).
-
-        Parameters
-        ----------
-        start, end : float, seconds
-        places : ndarray (n, d), m
-
-        Raises
-        ------
-        ValueError
-            If it does not.
-        """
+    def _check(self, start: float, end: float, places: Floats) -> None:
+        """Refuse a time span (s) or positions (n, d) (m) that the grid does not hold."""
         low, high = self.bounds[0]
         if start < low or end > high:
             raise ValueError(f"t_span must lie within the times of the flow, {low:g} s to {high:g} s, got ({start:g}, {end:g})")
@@ -200,13 +200,13 @@ class Flow:
 
     def _at(self, t: float, x: ArrayLike) -> Floats:
         """All of it, as rows of `_equation.fields`."""
-        from basset.particles import _sources
+        from basset.particles import _grid  # loads the compiler
 
         time, places = _validate.number("t", t, "a time in seconds"), np.asarray(x, dtype=np.float64)
         if places.ndim not in (1, 2) or places.shape[-1] != self.dimensions:
             raise ValueError(f"x must have {self.dimensions} components, got shape {places.shape}")
         flat = places.reshape(-1, self.dimensions)
-        found = _sources.fields_of(_sources.gridded(self), np.full(len(flat), time), flat)
+        found = _grid.fields_of(_grid.gridded(self), np.full(len(flat), time), flat)
         return found.reshape(*places.shape[:-1], found.shape[1])
 
 

@@ -163,7 +163,7 @@ def maxey_riley(
     if wanted is None and many:
         wanted = np.linspace(task.start, task.end, TIMES)
     if isinstance(velocity, Flow):
-        velocity.check(task.start, task.end, places)
+        velocity._check(task.start, task.end, places)
     _sources.tried(sources, task.start, places[0])
     now = _sources.fields_at(sources, task.start, places)
     slip = _first_slip(initial_velocity, initial_slip, places, now[:, :d])

@@ -273,6 +273,13 @@ def test_a_grid_is_exact_for_cubic_flows_with_all_derivatives(dimensions, times)
     assert np.array_equal(flow(1.0, many)[3], flow(1.0, many[3]))
 
 
+def test_times_may_be_dates():
+    times = np.arange(4) * np.timedelta64(30, "m") + np.datetime64("2024-01-01")
+    points = np.linspace(0.0, 1.0, 4)
+    ds = grid(lambda t, x: [t + 0.0 * x[0], 0.0 * x[0]], np.arange(4) * 1800.0, points, points).assign_coords(time=times)
+    assert np.isclose(Flow.from_dataset(ds)(2700.0, [0.5, 0.5])[0], 2700.0)
+
+
 def waves(t, x):
     """Taylor and Green's vortices."""
     return np.stack([np.sin(x[0]) * np.cos(x[1]), -np.cos(x[0]) * np.sin(x[1])])
@@ -308,6 +315,44 @@ def test_what_leaves_the_grid_ends_there(drag):
     assert list(ds.status) == [3, 0] and np.isclose(ds.end_time[0], 1.0, rtol=1e-9)
     assert np.isnan(ds.position[0, 1]).all() and np.allclose(ds.position[1, :, 0], [0.7, 1.7], rtol=1e-9)
     assert "event_time" in ds and not ds.sizes["occurrence"]
+
+
+def test_what_starts_on_the_edge_goes_in_or_ends_at_once():
+    flow = Flow.from_dataset(grid(lambda t, x: [0.3 + 0.0 * x[0], 0.0 * x[0]], None, np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5)))
+    ds = maxey_riley(flow, (0.0, 1.0), [[0.0, 0.5], [1.0, 0.5]], t_eval=[0.0, 1.0], **{**HEAVY, "density_ratio": 1.0})
+    assert list(ds.status) == [0, 3] and np.isclose(ds.position[0, 1, 0], 0.3) and ds.end_time[1] < 1e-8
+
+
+@pytest.mark.analytic
+@pytest.mark.parametrize("slip", [(0.0, 0.0), (0.1, -0.2)])
+def test_a_jet_that_waves_against_a_solution_of_twelve_digits(slip):
+    """Bickley's jet and a wave; derivatives by differences here, exact ones there."""
+
+    @numba.njit
+    def velocity(t, x):
+        level = math.tanh(x[1])
+        hill, phase = 1.0 - level * level, x[0] - 0.2 * t
+        return hill * (1.0 + 0.6 * level * math.cos(phase)), -0.3 * hill * math.sin(phase)
+
+    @numba.njit
+    def gradient(t, x):
+        level = math.tanh(x[1])
+        hill, phase = 1.0 - level * level, x[0] - 0.2 * t
+        shear = -2.0 * hill * level + 0.6 * hill * (1.0 - 3.0 * level * level) * math.cos(phase)
+        stretch = -0.6 * hill * level * math.sin(phase)
+        return np.array([[stretch, shear], [-0.3 * hill * math.cos(phase), -stretch]])
+
+    @numba.njit
+    def acceleration(t, x):
+        g, (u, v) = gradient(t, x), velocity(t, x)  # the wave goes with 0.2: ∂u/∂t = −0.2 ∂u/∂x
+        return (u - 0.2) * g[0, 0] + v * g[0, 1], (u - 0.2) * g[1, 0] + v * g[1, 1]
+
+    places, options = [[0.0, 0.3], [1.0, -1.0], [3.0, 0.9]], {"initial_slip": slip, "t_eval": [2.0, 6.0], **HEAVY}
+    given = {"gradient": gradient, "material_derivative": acceleration, "method": basset.Collocation(rtol=1e-12)}
+    truth = maxey_riley(velocity, (0.0, 6.0), places, **given, **options)
+    for rtol in (1e-5, 1e-8):
+        found = maxey_riley(velocity, (0.0, 6.0), places, method=basset.Collocation(rtol=rtol), **options)
+        assert np.abs(found.position - truth.position).max() < rtol * np.abs(truth.position).max()
 
 
 def test_the_result_has_units_and_becomes_netcdf(tmp_path):
