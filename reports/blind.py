@@ -76,8 +76,8 @@ def draw_means(data: Record) -> Any:
                     runs = [row for row in rows_of(data, variant, seed) if row["particle_reynolds"] == size]
                     label = variant if seed == 1 else None
                     axis.plot([row["stage"] for row in runs], [row[name]["mean"] for row in runs], mark, color=colour, ms=5, mfc="none", label=label)
-            axis.set(xlabel="T", ylabel=title, yscale="log", title=f"R_p {size}")
-            axis.minorticks_on()
+            axis.set(xlabel="T", ylabel=title, title=f"R_p {size}")
+            axis.set_ylim(bottom=0.0)
     axes[0, 0].legend(frameon=False, fontsize=8)
     figure.suptitle("Mean jumps with laws chosen by range, and with the thesis's, in the envelope of three regressions (grey)")
     return figure
@@ -88,6 +88,8 @@ def draw_changes(data: Record) -> Any:
     found = single_changes(data)[::-1]
     figure, axes = plt.subplots(figsize=(8.0, 0.21 * len(found) + 1.4))
     axes.barh(range(len(found)), [inside for _, inside, _ in found], color=[BLUE if ended == len(data["envelopes"]) else GREY for _, _, ended in found])
+    axes.grid(False, axis="y")
+    axes.set_axisbelow(True)
     blind = count(rows_of(data, CHOSEN, 1))
     axes.axvline(blind, color=ORANGE)
     axes.text(blind, len(found) - 0.4, " chosen by range", color=ORANGE, va="bottom", fontsize=8)
