@@ -77,10 +77,14 @@ class Memory(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The longest flight (a longer one ends the run), and the shortest: so many shorter ones in a row (`patience`) are rest."""
+    """The longest flight (a longer one ends the run), and the shortest: so many shorter ones in a row (`patience`) are rest.
+
+    `above` (d): how far above a takeoff the acceleration is taken that tells how long the flight may last; 0 but for grains that leave a wall.
+    """
 
     longest: float
     shortest: float
     patience: float
     max_jumps: float  # jumps wanted in all
     prescribed: int  # contacts do not turn the grain where 1
+    above: float

@@ -47,6 +47,7 @@ def set_tolerance(g: Flight, likely: float) -> None:
     y, work = p.state.y, p.work
     for a in range(len(y)):
         work.here[0, a] = y[a]
+    work.here[0, d - 1] += g.limits.above
     call(p.equation.fun, p.state.control[0].time, work.here, 0, work.out, 0, p.equation.own)
     fall = -work.out[0, 2 * d - 1]
     if fall > 0.0:

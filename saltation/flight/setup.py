@@ -39,6 +39,7 @@ PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are
 SINGULAR_FACTOR = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
 QUICK = 10.0  # V: a large slip after a takeoff
 LAYER = 0.01  # d: the height over which the shear at the wall changes
+LEFT = 0.001  # d above a wall: from here on lubrication tells how long a grain that leaves it flies; at the asperities it tells how fast it leaves them
 FELT = 50.0  # a kernel's powers of time over the part of them that a singular step misses
 NEVER = -math.inf  # count of refused steps: the stepper never takes the equation for one with unknown kinks
 NOTHING_LOGGED = np.zeros(1)
@@ -179,7 +180,12 @@ class Engine:
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.truncation = stepper.Truncation(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
         self.limits = layout.Limits(
-            scene.longest_flight, layout.SHORTEST_FLIGHT, PATIENCE, float(scene.run.jumps or math.inf), int(self.prescribed is not None)
+            scene.longest_flight,
+            layout.SHORTEST_FLIGHT,
+            PATIENCE,
+            float(scene.run.jumps or math.inf),
+            int(self.prescribed is not None),
+            LEFT * ("wall" in names),
         )
 
     @cached_property
