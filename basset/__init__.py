@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from basset.evaluate import cumulate, integrate
     from basset.exponentials import ExponentialSum
     from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel, VaryingSlipKernel
+    from basset.particles import Flow, maxey_riley
     from basset.quadrature import (
         SCHEMES,
         Brush,
@@ -34,6 +35,7 @@ else:
         **dict.fromkeys(("cumulate", "integrate"), "evaluate"),
         "ExponentialSum": "exponentials",
         **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel", "VaryingSlipKernel"), "kernels"),
+        **dict.fromkeys(("Flow", "maxey_riley"), "particles"),
         **dict.fromkeys(("SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "NewtonCotes", "Rule"), "quadrature"),
         **dict.fromkeys(("SemiDerivative", "UnknownSchemeError", "Windowed"), "quadrature"),
         **dict.fromkeys(("Collocation", "FixedStep", "RungeKutta4", "solve"), "solvers"),
@@ -52,6 +54,7 @@ __all__ = [
     "Exponential",
     "ExponentialSum",
     "FixedStep",
+    "Flow",
     "Hinsberg",
     "Kernel",
     "MeiAdrianKernel",
@@ -65,5 +68,6 @@ __all__ = [
     "advise",
     "cumulate",
     "integrate",
+    "maxey_riley",
     "solve",
 ]
