@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from basset.exponentials import ExponentialSum
     from basset.formula import BubbleKernel, FormulaKernel, SlipSphereKernel
     from basset.kernels import BassetKernel, Kernel, MeiAdrianKernel, VaryingSlipKernel
+    from basset.particles import Flow, maxey_riley
     from basset.quadrature import (
         SCHEMES,
         Brush,
@@ -36,6 +37,7 @@ else:
         "ExponentialSum": "exponentials",
         **dict.fromkeys(("BubbleKernel", "FormulaKernel", "SlipSphereKernel"), "formula"),
         **dict.fromkeys(("BassetKernel", "Kernel", "MeiAdrianKernel", "VaryingSlipKernel"), "kernels"),
+        **dict.fromkeys(("Flow", "maxey_riley"), "particles"),
         **dict.fromkeys(("SCHEMES", "Brush", "Daitche", "EulerMaclaurin", "Exponential", "Hinsberg", "NewtonCotes", "Rule"), "quadrature"),
         **dict.fromkeys(("SemiDerivative", "UnknownSchemeError", "Windowed"), "quadrature"),
         **dict.fromkeys(("Collocation", "FixedStep", "RungeKutta4", "solve"), "solvers"),
@@ -55,6 +57,7 @@ __all__ = [
     "Exponential",
     "ExponentialSum",
     "FixedStep",
+    "Flow",
     "FormulaKernel",
     "Hinsberg",
     "Kernel",
@@ -70,5 +73,6 @@ __all__ = [
     "advise",
     "cumulate",
     "integrate",
+    "maxey_riley",
     "solve",
 ]

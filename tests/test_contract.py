@@ -13,7 +13,7 @@ import saltation
 LIBRARY = (
     "BassetKernel MeiAdrianKernel MeiAdrianKernel.dorgan_loth VaryingSlipKernel EulerMaclaurin Brush SemiDerivative Daitche Windowed "
     "Hinsberg Exponential SCHEMES integrate cumulate ExponentialSum.fit ExponentialSum.van_hinsberg ExponentialSum.casas "
-    "ExponentialSum.max_relative_error solve Collocation FixedStep RungeKutta4 advise Rule.weights Rule.plan Rule.error_order "
+    "ExponentialSum.max_relative_error solve Collocation FixedStep RungeKutta4 maxey_riley Flow.from_dataset advise Rule.weights Rule.plan Rule.error_order "
     "Daitche.references reference.cosine problems.PROBLEMS measure.interleaved kernels.Kernel "
     "streaming.Plan.start streaming.Plan.push streaming.Plan.value streaming.Plan.tail streaming.Plan.local streaming.Plan.jump streaming.Plan.run"
 )

@@ -41,6 +41,8 @@ class Flow:
     >>> flow(0.0, [0.3, 0.4]).round(9), flow.gradient(0.0, [0.3, 0.4]).round(9) + 0.0  # u = (−y, x)
     (array([-0.4,  0.3]), array([[ 0., -1.],
            [ 1.,  0.]]))
+    >>> flow.material_derivative(0.0, [0.3, 0.4]).round(9)
+    array([-0.3, -0.4])
     """
 
     def __init__(self, axes: list[tuple[Floats, float]], values: Floats) -> None:

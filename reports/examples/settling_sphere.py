@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+import basset
 from basset import reference
-from basset.particles import maxey_riley
 
 GRAIN = {"diameter": 50e-6, "density_ratio": 2.65, "viscosity": 1e-6}  # SI units; Re = 0.1
 LAST = 1.65 * 9.81 * 50e-6**2 / 18e-6  # Stokes's velocity, m/s
@@ -18,7 +18,7 @@ def still(t, x):
 def example() -> Figure:
     """Velocity in time with the history force and without, beside the closed form."""
     t = np.linspace(0.0, 0.1, 2001)
-    runs = {history: maxey_riley(still, (0.0, 0.1), [0.0, 0.0, 0.0], t_eval=t, history=history, **GRAIN) for history in (True, False)}
+    runs = {history: basset.maxey_riley(still, (0.0, 0.1), [0.0, 0.0, 0.0], t_eval=t, history=history, **GRAIN) for history in (True, False)}
     speed = {history: -run.velocity.sel(component="z")[0].values / LAST for history, run in runs.items()}
     late = {history: float(t[np.argmax(values > 0.95)]) for history, values in speed.items()}
 

@@ -6,8 +6,8 @@ import numba
 import numpy as np
 from matplotlib.figure import Figure
 
+import basset
 from basset import reference
-from basset.particles import maxey_riley
 
 SPHERES = {"diameter": 0.02, "density_ratio": 2.0, "viscosity": 1e-3}  # a vortex of a metre and a radian per second
 END = 2.0 * math.pi
@@ -25,8 +25,8 @@ def example() -> Figure:
     radius, angle = np.sqrt(rng.uniform(0.0, 1.0, 1000)), rng.uniform(0.0, END, 1000)
     places = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     t = np.linspace(0.0, END, 3)
-    ds = maxey_riley(vortex, (0.0, END), places, t_eval=t, workers=2, **SPHERES)
-    without = maxey_riley(vortex, (0.0, END), places, t_eval=t, workers=2, history=False, **SPHERES)
+    ds = basset.maxey_riley(vortex, (0.0, END), places, t_eval=t, workers=2, **SPHERES)
+    without = basset.maxey_riley(vortex, (0.0, END), places, t_eval=t, workers=2, history=False, **SPHERES)
 
     inertia = 2.0 + 0.5
     rate, coefficient = 18e-3 / 0.02**2 / inertia, 9.0 / 0.02 * math.sqrt(1e-3 / math.pi) / inertia

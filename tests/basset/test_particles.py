@@ -11,8 +11,7 @@ import scipy.optimize
 import xarray
 
 import basset
-from basset import reference
-from basset.particles import Flow, maxey_riley
+from basset import Flow, maxey_riley, reference
 
 GRAIN = {"diameter": 5e-5, "density_ratio": 2.65, "viscosity": 1e-6}
 HEAVY = {"diameter": 0.02, "density_ratio": 2.0, "viscosity": 1e-3}  # in a vortex of unit size and rate: λ = 18, β = 0.6
