@@ -17,6 +17,7 @@ from typing import Any
 from basset._compile import MARKS
 
 ROOT = Path(__file__).resolve().parent.parent
+FACE = b"face(__name__"  # a package's list of public names, each of which leads to the file that defines it; it has no code of its own
 BY_NAME = ("Later", "import_module")  # calls whose first argument is a module
 
 
@@ -38,11 +39,11 @@ def origins(module: str, name: str) -> Iterator[str]:
     if file_of(f"{module}.{name}") is not None:
         yield f"{module}.{name}"
     elif path is not None and path.name == "__init__.py":
+        yield module  # it is loaded with what it hands on
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and node.module and any(name == (alias.asname or alias.name) for alias in node.names):
                 yield from origins(node.module, next(alias.name for alias in node.names if name == (alias.asname or alias.name)))
                 return
-        yield module
     elif path is not None:
         yield module
 
@@ -81,7 +82,7 @@ def sources(module: str) -> tuple[Path, ...]:
     found, waiting = dict[Path, None](), [module]
     while waiting:
         path = file_of(here := waiting.pop())
-        if path is not None and path not in found:
+        if path is not None and path not in found and FACE not in path.read_bytes():
             found[path] = None
             waiting += imports(here)
     return tuple(found)
