@@ -46,8 +46,6 @@ class Flow:
     """
 
     def __init__(self, axes: list[tuple[Floats, float]], values: Floats) -> None:
-        from scipy.interpolate import make_interp_spline
-
         self.dimensions = values.shape[-1]
         knots: list[Floats] = []
         self.table = np.zeros((4, 8))  # count of coefficients, place of the knots, ends, period
@@ -55,10 +53,9 @@ class Flow:
             self.table[axis, :5] = 1, sum(map(len, knots)), -np.inf, np.inf, 0.0
             if len(points) == 1:
                 continue
-            spline = make_interp_spline(points, np.moveaxis(values, axis, 0), k=3, bc_type="periodic" if period else None)
-            values = np.moveaxis(spline.c, 0, axis)
-            self.table[axis, :5] = len(spline.t) - 4, sum(map(len, knots)), points[0], points[-1], period
-            knots.append(spline.t)
+            place, values = _spline(points, values, axis, period)
+            self.table[axis, :5] = len(place) - 4, sum(map(len, knots)), points[0], points[-1], period
+            knots.append(place)
         self.knots, self.coefficients = np.concatenate(knots), np.ascontiguousarray(values)
         self.bounds = np.tile([-np.inf, np.inf], (4, 1))
         for axis, (points, period) in enumerate(axes):
@@ -210,6 +207,22 @@ class Flow:
         flat = places.reshape(-1, self.dimensions)
         found = _grid.fields_of(_grid.gridded(self), np.full(len(flat), time), flat)
         return found.reshape(*places.shape[:-1], found.shape[1])
+
+
+def _spline(points: Floats, values: Floats, axis: int, period: float) -> tuple[Floats, Floats]:
+    """Knots and coefficients of the cubic spline along an axis: not-a-knot, or periodic; on equal spacings by Fourier's transform (de Boor 1978)."""
+    from scipy.interpolate import make_interp_spline
+
+    count, along = len(points) - 1, np.moveaxis(values, axis, 0)
+    spacing = (points[-1] - points[0]) / count
+    if not period or np.abs(np.diff(points) - spacing).max() > 1e-9 * spacing:
+        spline = make_interp_spline(points, along, k=3, bc_type="periodic" if period else None)
+        return spline.t, np.moveaxis(spline.c, 0, axis)
+    # at a point the three splines around it are 1/6, 4/6 and 1/6
+    symbol = (4.0 + 2.0 * np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 6.0
+    shape = (-1, *(1,) * (along.ndim - 1))
+    centred = np.fft.irfft(np.fft.rfft(along[:-1], axis=0) / symbol.reshape(shape), count, axis=0)
+    return points[0] + spacing * np.arange(-3, count + 4), np.moveaxis(centred[np.arange(-1, count + 2) % count], 0, axis)
 
 
 def _points(ds: Any, name: str) -> Floats:

@@ -296,6 +296,12 @@ def test_a_periodic_grid_converges_with_the_fourth_power_and_has_no_seam(closed)
     assert np.log2(errors[0][0] / errors[1][0]) > 3.8 and np.log2(errors[0][1] / errors[1][1]) > 2.8
 
 
+def test_a_periodic_grid_may_have_unequal_spacings():
+    points, x = 2.0 * np.pi * np.linspace(0.0, 1.0, 25)[:-1] ** 1.2, np.array([[0.05, 1.0], [6.2, 2.0]])
+    flow = Flow.from_dataset(grid(waves, None, points, points), periodic={"x": 2.0 * np.pi, "y": 2.0 * np.pi})
+    assert np.abs(flow(0.0, x + 2.0 * np.pi) - flow(0.0, x)).max() < 1e-13 and np.abs(flow(0.0, x) - waves(0.0, x.T).T).max() < 1e-3
+
+
 def test_particles_on_a_grid_move_as_in_the_flow_itself():
     points = np.arange(48) * 2.0 * np.pi / 48
     flow = Flow.from_dataset(grid(waves, None, points, points), periodic={"x": 2.0 * np.pi, "y": 2.0 * np.pi})
