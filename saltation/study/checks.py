@@ -72,8 +72,9 @@ def computed(scene: Scene) -> dict[str, str]:
     if scene.bed is not None:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
+        restitution = f"0.97 exp(−{scene.stokes_decay:g}/St)" if bed.restitution == "stokes" else bed.restitution
         found["bed"] = (
-            f"{bed.rebound}, e = {bed.restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, contact angles {bed.reading}"
+            f"{bed.rebound}, e = {restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, contact angles {bed.reading}"
         )
     if scene.cloud is not None:
         length, width, height = scene.box
