@@ -20,8 +20,7 @@ from saltation.flight.equations import cross_kink, layer_of, leaving
 from saltation.flight.layout import ALOFT, CROWDED, HORIZON, JUMPS, REST, Bed, Limits, Memory, Model
 from saltation.flow import velocity_and_shear
 
-SHORT = 0.05  # d/V: in shorter flights than this the error of a jump falls faster than the tolerance
-FINEST = 1e-11  # relative tolerance that steps can keep
+SHORTEST = 0.01  # smallest factor of the tolerance
 UNMOVED = 4.0 * 2.0**-52  # of a height
 MOST_CONTACTS = 1000  # at one place before the grain is taken to lie still
 
@@ -53,8 +52,7 @@ def set_tolerance(g: Flight, likely: float) -> None:
     if fall > 0.0:
         likely = min(likely, 2.0 * max(0.0, y[2 * d - 1]) / fall)
     likely = min(1.0, likely)
-    factor = likely * (0.4 + 0.6 * likely) * min(1.0, likely / SHORT)  # smaller where short: errors of so few steps do not average out
-    p.state.control[0].tolerance_factor = max(factor, min(1.0, FINEST / p.problem.rtol))
+    p.state.control[0].tolerance_factor = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # smaller where short: errors of so few steps do not average out
 
 
 def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:

@@ -105,7 +105,7 @@ def accuracy(scene: Any) -> Accuracy:
 def shortest(scene: Any) -> float:
     """The shortest step, d/V: by it the first one after a jump keeps the tolerance also where flights are short."""
     n, time, (stages, tolerance, singular_factor, follows) = scene.numbers, relaxation(scene), accuracy(scene)
-    error = tolerance / singular_factor * min(1.0, max(0.01, 0.4 * time))
+    error = tolerance / singular_factor * min(1.0, max(loop.SHORTEST, 0.4 * time))
     step = time * min(0.1, error ** (2.0 / (stages + 1))) if time < math.inf else math.inf
     if follows:  # K/K_Basset is a series in (C^(2/3) t)^(3/(2 c1))
         c1, c2 = KERNELS[scene.options("history").kernel]

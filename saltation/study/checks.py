@@ -73,9 +73,7 @@ def computed(scene: Scene) -> dict[str, str]:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
         restitution = f"0.97 exp(−{scene.stokes_decay:g}/St)" if bed.restitution == "stokes" else bed.restitution
-        found["bed"] = (
-            f"{bed.rebound}, e = {restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, contact angles {bed.reading}"
-        )
+        found["bed"] = f"{bed.rebound}, e = {restitution}, {friction}, {bed.contact_mass} contact mass; roughness {bed.roughness}, contact angles {bed.reading}"
     if scene.cloud is not None:
         length, width, height = scene.box
         found["grains"] = f"{scene.cloud.number} from a layer of {length:.4g} × {width:.4g} × {height:.3g} d, C_p = {scene.cloud.concentration:g}"

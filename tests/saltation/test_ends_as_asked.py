@@ -313,24 +313,3 @@ def test_contacts_that_follow_at_once(changes):
     """Behind a contact within 1e-5 d/u* of another one steps are as short as the time between them."""
     result = flown(scene_of(merged(read("sand"), {"bed": {"reading": "literal"}, "lift": None} | changes | {"bed": changes["bed"] | {"reading": "literal"}})))
     assert len(result.all_jumps) == changes["run"]["jumps"] and result.all_jumps["duration"].min() < 2e-5
-
-
-@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5])
-@pytest.mark.parametrize("viscosity", [1e-6, 1e-5, 1e-4])
-@pytest.mark.parametrize("drop", [1e-2, 1e-3, 1e-4])
-def test_small_drops_keep_the_error(drop, viscosity, rtol):
-    """Rebounds of a sphere that falls from `drop` diameters: durations and heights against rtol = 1e-10."""
-
-    def bounces(rtol):
-        return saltation.run(
-            saltation.Scene.model_validate(
-                {
-                    "effects": [*FALL, "history"], "grain": {"diameter": 1e-3}, "fluid": {"viscosity": viscosity},
-                    "bed": {"roughness": "flat", "friction": 0.0, "restitution": 0.9}, "start": {"velocity": [0.0, 0.0, 0.0], "height": 1e-3 * (0.5 + drop)},
-                    "run": {"jumps": 3}, "solver": {"rtol": rtol},
-                }
-            )
-        ).jumps[["duration", "height"]].to_numpy()  # fmt: skip
-
-    exact = bounces(1e-10)
-    assert bounces(rtol) == pytest.approx(exact, rel=rtol, abs=1e-10 * drop)
