@@ -80,7 +80,7 @@ def conditions(scene: Any) -> dict[str, float]:
 
     >>> from saltation.scene import load
     >>> {name: round(value, 1) for name, value in conditions(load("sand")).items() if name in ("Re_p", "T")}
-    {'T': 1.9, 'Re_p': 42.0}
+    {'T': 1.9, 'Re_p': 80.0}
     """
     n = scene.numbers
     found = {"R_p": n.particle_reynolds} | ({"T": n.stage} if n.stage is not None else {})
