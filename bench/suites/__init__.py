@@ -5,12 +5,14 @@ Unless in full it takes seconds, a minute at most with what it has to compile. `
 
 TOO_LONG = {
     "advice": "thousands of timed rivals",
+    "blind": "three hundred runs",
     "chapter4": "a hundred and more clouds",
     "choosing": "32 sets of effects to compile",
     "choosing_scheme": "thousands of flights",
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains",
     "measured": "ten thousand short flights",
+    "particles": "compiled flows, and a package beside them",
     "peers": "other packages",
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",
