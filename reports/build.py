@@ -72,6 +72,8 @@ def main(output: Path, check: bool) -> None:
     data = load(output / "data")
     old = {name: content for name, content in load(HERE / "data").items() if name not in data}
     data |= old
+    if output != HERE:
+        shutil.copytree(HERE / "examples", output / "examples", ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)  # the guide leads there
     with mpl.rc_context(LOOK), into(output):
         pages = [made(page, data, old) for page in PAGES if data.keys() & set(page.suites)]  # one without data is left out
         texts = {page.file: page.text for page in pages}

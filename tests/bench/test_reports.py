@@ -81,6 +81,7 @@ def test_what_was_measured_here_comes_before_what_is_committed_which_says_when_a
         f"Kept as committed, not measured here: choosing, measured on {found['date']} at commit {found['commit']}, {found['processor']} (`{found['command']}`)."
     )
     assert {name: note in text for name, text in texts.items()} == {name: name not in ("advice.md", "index.html") for name in texts}
+    assert {path.name for path in (tmp_path / "examples").iterdir()} == {path.name for path in (ROOT / "reports" / "examples").glob("*.py")}
     assert "commit fedc321, Z80" in texts["advice.md"] and "Kept" not in texts["advice.md"]
     assert f"{len(own['rows']) - 12} rows" in texts["both.md"]
     assert texts["choosing.md"].replace(f"*{note}*\n\n", "") == (ROOT / "reports" / "choosing.md").read_text(encoding="utf-8")
