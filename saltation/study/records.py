@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -51,10 +51,10 @@ def read_record(record: str | os.PathLike[str] | Mapping[str, Any], names: Seque
     ValueError, with one sentence, for what is no record.
     """
     if isinstance(record, Mapping) or hasattr(record, "columns"):
-        called = "the record"
-        if getattr(getattr(record, "index", None), "name", None) is not None:
-            record = record.reset_index()  # type: ignore[union-attr]
-        columns: dict[str, Floats] = {str(name): _validate.real_array(f"{called}[{name!r}]", record[name]).ravel() for name in record}  # type: ignore[index, union-attr]
+        called, table = "the record", cast(Any, record)  # a DataFrame is read as a mapping is
+        if getattr(getattr(table, "index", None), "name", None) is not None:
+            table = table.reset_index()
+        columns: dict[str, Floats] = {str(name): _validate.real_array(f"{called}[{name!r}]", table[name]).ravel() for name in table}
         if len({len(values) for values in columns.values()}) > 1:
             raise ValueError(f"{called} must have columns of one length, got {[len(values) for values in columns.values()]}")
     else:
