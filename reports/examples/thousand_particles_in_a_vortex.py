@@ -36,10 +36,11 @@ def example() -> Figure:
 
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     for axes, k, title in zip(figure.subplots(1, 3, sharex=True, sharey=True), range(3), ("at the start", "after half a turn", "after one turn"), strict=True):
-        axes.plot(*without.position[:, k].values.T, ".", markersize=2, color="0.7", label="without history")
+        axes.plot(*without.position[:, k].values.T, ".", markersize=2, color="tab:orange", label="without history")
         axes.plot(*ds.position[:, k].values.T, ".", markersize=2, label="with history")
-        axes.set(title=title, aspect="equal", xlabel="x, m")
-    axes.legend(loc="upper right", markerscale=4)
+        axes.set(title=title, aspect="equal", xlabel="x, m", ylabel="y, m")
+        axes.label_outer()
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", markerscale=4)
     return figure
 
 
