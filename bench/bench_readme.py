@@ -10,7 +10,9 @@ import basset
 import saltation
 from basset import measure, reference
 from basset.problems import PROBLEMS
+from saltation.scene import read, scene_of
 from saltation.study import cases
+from saltation.study.thesis import case
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
 QUOTED = {what: float(number.replace(" ", "")) for what, number in re.findall(r"^\| (.+?) \| ([\d. ]+) × \|$", README, re.M)}
@@ -55,9 +57,9 @@ def initial_slip():
     return sides
 
 
-def history():
-    """100 jumps of sand with the history force, and without."""
-    scene = saltation.load("sand").changed(run={"jumps": 100, "discard": 0, "trajectory": False})
+def history(content):
+    """100 jumps with the history force, and without."""
+    scene = scene_of(content).changed(run={"jumps": 100, "discard": 0, "trajectory": False})
     sides = []
     for made in (scene, cases.without(scene, ["history"])):
         assert saltation.run(made).status == "finished"
@@ -69,7 +71,8 @@ CASES = {
     "an integral to 1e-9 by van Hinsberg's rule, over `Daitche(order=8)`": many_samples,
     "32 000 steps by a sum over the whole past, over `Exponential(3, 1e-6)`": long_memory,
     "a sphere with initial slip to 2e-3 by fixed steps, over `Collocation` to 1e-9": initial_slip,
-    "a jump of sand with the history force, over one without": history,
+    "a jump of sand with Basset's history force, over one without": lambda: history(case("sand")),
+    "the same with the kernel of finite Reynolds numbers that the shipped sand takes": lambda: history(read("sand")),
 }
 
 

@@ -16,8 +16,9 @@ from saltation import statistics
 from saltation.flight.cost import form_of
 from saltation.plots import run as plots
 from saltation.results.result import Result
-from saltation.scene import read, scene_of, shipped
+from saltation.scene import scene_of
 from saltation.study import grains as many
+from saltation.study.thesis import case
 from saltation.workers import processes
 
 QUANTITIES = ("height", "length", "velocity")
@@ -26,8 +27,8 @@ QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 def base(name: str, jumps: int, discard: int = 20) -> dict[str, Any]:
-    """A shipped scene as a dictionary, `jumps` of them counted, its path not kept."""
-    content: dict[str, Any] = read(shipped()[name])
+    """A shipped scene as the thesis has it, `jumps` of them counted, its path not kept."""
+    content = case(name)
     content["run"] |= {"jumps": jumps + discard, "discard": discard, "trajectory": False}
     return content
 

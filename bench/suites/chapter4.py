@@ -15,7 +15,7 @@ import saltation
 from bench.grains import Task, changed, mean_of, rounded, run_all
 from saltation import regressions, statistics
 from saltation.results.result import Result
-from saltation.scene import read, scene_of, shipped
+from saltation.scene import scene_of
 from saltation.study import campaigns, grains, thesis
 from saltation.workers import cores
 
@@ -105,8 +105,8 @@ def alone() -> dict[str, Any]:
 
 
 def clipped(scatter: bool) -> dict[str, Any]:
-    """How often the grains of the shipped cloud meet when contact angles are clipped at 30°, with and without scatter across by the bed."""
-    content = changed(read(shipped()["sand_cloud"]), bed={"roughness": "R7", "reading": "clip", "span_scatter": scatter}, run={"trajectory": False})
+    """How often the grains of the thesis's cloud meet when contact angles are clipped at 30°, with and without scatter across by the bed."""
+    content = changed(thesis.case("sand_cloud"), bed={"roughness": "R7", "reading": "clip", "span_scatter": scatter}, run={"trajectory": False})
     return {"scatter": scatter, **saltation.run(scene_of(content)).frequencies()}
 
 
@@ -130,8 +130,8 @@ def moments(opened: Any, meeting: bool) -> dict[str, Any]:
 
 
 def shown() -> dict[str, Any]:
-    """A short run of the shipped cloud, whole: for pictures."""
-    content = changed(read(shipped()["sand_cloud"]), run={"discard": 5})
+    """A short run of the thesis's cloud, whole: for pictures."""
+    content = changed(thesis.case("sand_cloud"), run={"discard": 5})
     content["run"]["duration"] = SHOWN * scene_of(content).numbers.time
     result = saltation.run(scene_of(content))
     path = result.trajectory

@@ -11,9 +11,10 @@ import pandas as pd
 
 import saltation
 from bench.grains import rounded
-from saltation.scene import SceneError
+from saltation.scene import SceneError, scene_of
 from saltation.study import cases, choices
 from saltation.study import effects as advice
+from saltation.study.thesis import case
 
 SCENES = ("sand", "sand_coarse", "gravel")
 ALWAYS = ("weight", "drag")  # without either no run finishes
@@ -98,19 +99,19 @@ def run(full: bool) -> dict[str, Any]:
     """All scenes."""
     found: dict[str, Any] = {"advised": {}, "ablation": {}, "sets": {}, "chosen": {}, "looser": {}, "uncertainty": {}}
     for name in SCENES:
-        scene = saltation.load(name)
+        scene = scene_of(case(name))
         found["advised"][name] = [rounded(asdict(row)) for row in advice.advise(scene)]
         found["sets"][name] = reference_runs(scene, ERROR)
         found["ablation"][name] = [{"effect": str(effect), **plain(row)} for effect, row in advice.ablate(scene).iterrows()]
         found["chosen"][name] = chosen(scene, advice.TOLERANCE)
         found["looser"][name] = chosen(scene, LOOSER)
         found["uncertainty"][name] = [plain(row) for _, row in choices.uncertainty(scene, error=0.01).iterrows()]
-    scene = saltation.load(COMBINED)
+    scene = scene_of(case(COMBINED))
     return {
         **found,
         "seed": SEED,
         "error": ERROR,
         "tolerance": advice.TOLERANCE,
         "combined": {"scene": COMBINED, **combined(scene)},
-        "magnus": magnus(saltation.load("gravel")),
+        "magnus": magnus(scene_of(case("gravel"))),
     }

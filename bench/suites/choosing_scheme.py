@@ -15,7 +15,7 @@ from typing import Any
 import saltation
 from bench.grains import rounded
 from saltation.scene import scene_of as scene_from_tables
-from saltation.study import schemes
+from saltation.study import schemes, thesis
 from saltation.study.schemes import COLLOCATION, Candidate, Entry, Sample, Trial
 from saltation.workers import cores, processes
 
@@ -26,7 +26,7 @@ LONGER, BEDS, SOME = 200, 6, 12  # jumps of a run, runs; jumps of a look at the 
 CHEAPER = 1.5  # times within it of the cheapest are as good
 PLANE = {"effects": ["weight", "drag", "added_mass", "history"], "dimensions": 2, "magnus": None, "rotation": None}
 KEEPING = {"rebound": "garcia_nino", "friction": None, "tangential_retention": 0.8}
-SCENES: dict[str, tuple[str, dict[str, Any]]] = {  # name -> shipped scene, what is changed
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {  # name -> shipped scene with the thesis's laws, what is changed
     "fine sand, T 1.4": ("sand", {"grain": {"diameter": 0.35e-3}, "channel": {"transport_stage": 1.4}}),
     "sand 1.1 mm, T 3.4, Mei & Adrian": ("sand", {"grain": {"diameter": 1.1e-3}, "channel": {"transport_stage": 3.4}, "history": {"kernel": "mei_adrian"}}),
     "granules 3 mm, T 2.3, restart": ("sand", {"grain": {"diameter": 3.0e-3}, "channel": {"transport_stage": 2.3}, "history": {"rebound": "restart"}}),
@@ -164,7 +164,7 @@ def jump_of(trial: Trial, entry: Entry, size: float) -> float:
 def scene_of(named: tuple[str, dict[str, Any]]) -> Any:
     """One of the twelve."""
     base, changes = named
-    return saltation.load(base).changed(**changes)
+    return scene_from_tables(thesis.case(base)).changed(**changes)
 
 
 def run(full: bool) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from saltation.flight import layout
 from saltation.flight.cloud import Cloud, starts
 from saltation.flight.collisions import UNTIL, Samples
 from saltation.flight.setup import Engine, Grain, Start, empty_record
-from saltation.scene import read, scene_of, shipped
+from saltation.scene import scene_of
+from saltation.study.thesis import case
 
 NUMBERS = (1, 10, 100, 1000, 10000)
 MANY = 100000
@@ -32,8 +33,8 @@ Content = dict[str, Any]
 
 
 def cloud_of(number: int, concentration: float, without: tuple[str, ...] = ()) -> Content:
-    """The shipped cloud with so many grains."""
-    return changed(read(shipped()["sand_cloud"]), without=without, cloud={"number": number, "concentration": concentration}, run={"trajectory": False})
+    """The thesis's cloud with so many grains."""
+    return changed(case("sand_cloud"), without=without, cloud={"number": number, "concentration": concentration}, run={"trajectory": False})
 
 
 class Timed:

@@ -28,7 +28,8 @@ from bench.grains import base, changed
 from bench.suites.flights import RTOL, engine_of, fly
 from saltation.flight import equations
 from saltation.flight.setup import Engine
-from saltation.scene import read, scene_of, shipped
+from saltation.scene import scene_of
+from saltation.study import thesis
 
 ROOT = Path(__file__).resolve().parents[2]
 JUMPS = 100  # of the scene that is taken apart: short enough that some round is not disturbed
@@ -440,8 +441,8 @@ def one_long(full: bool, rounds: int) -> dict[str, Any]:
 
 
 def grains_of(number: int, duration: float) -> Any:
-    """The shipped cloud with so many grains that never meet, flown so long (d/u*), nothing of the paths kept."""
-    content = changed(read(shipped()["sand_cloud"]), without=("encounters",), cloud={"number": number}, run={"trajectory": False, "discard": 0})
+    """The thesis's cloud with so many grains that never meet, flown so long (d/u*), nothing of the paths kept."""
+    content = changed(thesis.case("sand_cloud"), without=("encounters",), cloud={"number": number}, run={"trajectory": False, "discard": 0})
     content["run"]["duration"] = duration * scene_of(content).numbers.time
     return scene_of(content)
 
@@ -500,9 +501,10 @@ lap()
 """
 CLOUD = """
 import numba, numpy, pandas, xarray, saltation
-from saltation.scene import read, scene_of, shipped
+from saltation.scene import scene_of
+from saltation.study.thesis import case
 from bench.grains import changed
-content = changed(read(shipped()["sand_cloud"]), run={"discard": 0})
+content = changed(case("sand_cloud"), run={"discard": 0})
 content["run"]["duration"] = 1.0 * scene_of(content).numbers.time
 scene = scene_of(content)
 lap()

@@ -73,7 +73,7 @@ class SceneBase(Table):
     >>> isinstance(scene, SceneBase), scene.in_plane, scene.turns, scene.horizon
     (True, False, True, 4400.0)
     >>> scene.options("drag").law
-    'yen'
+    'brown_lawler'
     >>> scene.history_rule()
     Exponential(order=3, rtol=1e-06)
     """
@@ -94,22 +94,6 @@ class SceneBase(Table):
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
     run: Run = Field(description="a table: how long, and which random numbers")
     cloud: Cloud | None = Field(None, description="a table: many grains instead of one")
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _written_out(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """With defaults = "valid" the laws that are not given are written out, so that a result says what was flown."""
-        scene = handler(content)
-        if scene.defaults == "thesis" or not isinstance(content, dict):
-            return scene
-        given = {name: dict(table) if isinstance(table, dict) else table for name, table in content.items()}
-        preset = scene.preset.options if isinstance(scene.effects, str) else {}
-        for family, (name, _) in chosen(scene).items():
-            table, closure = family.partition(".")[0], families(scene)[family][name]
-            fields = {field for other in families(scene)[family].values() for field in other.take}
-            if table not in preset and not fields & set(given.get(table) or {}):
-                given[table] = {**(given.get(table) or {}), **closure.take}
-        return handler(given)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -258,6 +242,22 @@ class SceneBase(Table):
         if self.cloud is not None:
             self._check_cloud(self.cloud)
         return self
+
+    @model_validator(mode="wrap")  # around the one above: a scene that makes no sense has no numbers to choose by
+    @classmethod
+    def _written_out(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """With defaults = "valid" the laws that are not given are written out, so that a result says what was flown."""
+        scene = handler(content)
+        if scene.defaults == "thesis" or not isinstance(content, dict):
+            return scene
+        given = {name: dict(table) if isinstance(table, dict) else table for name, table in content.items()}
+        preset = scene.preset.options if isinstance(scene.effects, str) else {}
+        for family, (name, _) in chosen(scene).items():
+            table, closure = family.partition(".")[0], families(scene)[family][name]
+            fields = {field for other in families(scene)[family].values() for field in other.take}
+            if table not in preset and not fields & set(given.get(table) or {}):
+                given[table] = {**(given.get(table) or {}), **closure.take}
+        return handler(given)
 
     def _check_cloud(self, cloud: Cloud) -> None:
         """Many grains need a duration, those that meet collocation too, and a box that is wide enough."""

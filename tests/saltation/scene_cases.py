@@ -16,6 +16,8 @@ from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
 from saltation.flight import collisions, contact, equations, fixed, loop
+from saltation.scene import scene_of
+from saltation.study.thesis import case
 
 BARE = {"effects": ["weight"], "run": {"duration": 1.0}}
 
@@ -34,9 +36,9 @@ def merged(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def scene(name: str, **changes: Any) -> Any:
-    """A shipped scene with changes; `velocity`, `spin` and `height` of the start in units of V, V/d and d."""
+    """A shipped scene with the thesis's laws and changes; `velocity`, `spin` and `height` of the start in units of V, V/d and d."""
     start = {key: changes.pop(key) for key in ("velocity", "spin", "height") if key in changes}
-    content = merged(saltation.load(name).model_dump(exclude_none=True), changes)
+    content = merged(scene_of(case(name)).model_dump(exclude_none=True), changes)
     n = saltation.Scene.model_validate({key: content[key] for key in ("fluid", "grain", "channel") if key in content} | BARE).numbers
     unit = {"velocity": n.velocity, "spin": 1.0 / n.time, "height": n.diameter}
     content.setdefault("start", {})
@@ -142,7 +144,7 @@ def gauss(function: Callable[[np.ndarray], np.ndarray], low: float, high: float,
 
 
 def sand_cloud(duration: float, **changes: Any) -> Any:
-    """The shipped cloud for so many d/u*; with and without encounters these are the two forms of its loop that tests compile."""
+    """The thesis's cloud for so many d/u*; with and without encounters these are the two forms of its loop that tests compile."""
     unit = saltation.load("sand_cloud").numbers.time
     return scene("sand_cloud", **merged(changes, {"run": {"duration": duration * unit, "discard": 0}}))
 

@@ -331,7 +331,7 @@ def test_errors_come_back_and_the_worker_goes_on():
 
 
 def cloud(meeting: bool = True, duration: float = 0.3, number: int = 14):
-    content = read("sand_cloud")
+    content = study.case("sand_cloud")
     content["cloud"]["number"] = number
     content["run"] |= {"duration": duration, "discard": 1}
     if not meeting:
@@ -604,11 +604,11 @@ def test_contacts_that_follow_each_other_closely_end_no_run():
         assert saltation.run(scene.changed(bed={"roughness": roughness}, run={"seed": 2, "trajectory": False})).status in ("finished", "at rest")
 
 
-def test_g2_is_the_shipped_sand(runs):
+def test_g2_is_the_shipped_sand_with_the_thesis_s_laws(runs):
     """Up to the rounding of its diameter."""
     (scene,) = [scene for labels, scene in runs if (labels["run"], labels["set"], labels["stage"]) == ("G", 2, 1.87)]
-    shipped = saltation.load("sand")
-    assert scene.model_copy(update={"grain": shipped.grain}) == shipped
+    sand = scene_of(study.case("sand"))
+    assert scene.model_copy(update={"grain": sand.grain}) == sand
     assert scene.grain.diameter == pytest.approx(0.69e-3, rel=1e-3)
 
 

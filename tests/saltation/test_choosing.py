@@ -22,6 +22,7 @@ from saltation.results.folder import begun
 from saltation.scene import SceneError, scene_of, shipped
 from saltation.study import cases, choices
 from saltation.study import effects as advice
+from saltation.study.thesis import case
 from saltation.workers import SerialExecutor
 
 PLAIN = {  # three numbers of state and no memory: quick to compile
@@ -34,7 +35,7 @@ PLAIN = {  # three numbers of state and no memory: quick to compile
 
 
 def plain(**changes):
-    return scene_of(merged(merged(saltation.load("sand").model_dump(exclude_none=True), PLAIN), changes))
+    return scene_of(merged(merged(case("sand"), PLAIN), changes))
 
 
 def share(scene, effect):
@@ -52,7 +53,7 @@ class TestAdvise:
             assert all(row.share >= 0.0 for row in rows)
 
     def test_sand_calls_for_history_and_magnus_and_gravel_less_for_history(self):
-        told = {name: {row.effect: row for row in advice.advise(saltation.load(name))} for name in ("sand", "gravel")}
+        told = {name: {row.effect: row for row in advice.advise(scene_of(case(name)))} for name in ("sand", "gravel")}
         assert told["sand"]["history"].verdict == told["sand"]["magnus"].verdict == "keep"
         assert told["gravel"]["history"].verdict != "keep"
         assert told["sand"]["weight"].verdict == told["gravel"]["weight"].verdict == "needed"
@@ -67,7 +68,7 @@ class TestAdvise:
     )
     def test_published_thresholds_of_the_history_force(self, name, values, calls):
         """R_p, w_s d/ν and w_s a/ν, by hand: drag balances weight at that w_s, C_D Re² = 4R_p²/3."""
-        scene = saltation.load(name)
+        scene = scene_of(case(name))
         found = advice.thresholds(scene)
         assert [row.value for row in found] == pytest.approx(values, rel=1e-3)
         assert tuple(row.calls for row in found) == calls
@@ -418,7 +419,7 @@ def test_advise_prints_every_effect_with_its_source():
     out = CliRunner().invoke(cli.main, ["advise", "sand"])
     assert out.exit_code == 0
     assert all(name in out.stdout for name in EFFECTS)
-    assert "Rubinow" in out.stdout
+    assert "Yamamoto" in out.stdout
 
 
 MISTAKES = {

@@ -21,6 +21,7 @@ from saltation.scene import SceneError, read, scene_of, shipped
 from saltation.scene.conditions import conditions
 from saltation.scene.valid import chosen, families, left
 from saltation.study import checks
+from saltation.study.thesis import case
 
 N = numbers_of(1000.0, 1e-6, 2650.0, 0.69e-3, transport_stage=1.87)
 SETTING = Setting(N, profile_of("swamee", N))
@@ -237,9 +238,7 @@ class TestRanges:
 
 class TestDefaults:
     def test_what_is_not_given_is_written_out(self):
-        content = read("sand") | {"defaults": "valid"}
-        del content["bed"]["restitution"], content["history"]["kernel"]
-        made = scene_of(content)
+        made = saltation.load("sand")
         assert {family: name for family, (name, _) in chosen(made).items()} == {
             "drag.law": "brown_lawler", "lift.law": "loth", "history.kernel": "dorgan_loth",
             "magnus.law": "loth", "rotation.law": "yamamoto", "bed.restitution": "gondret",
@@ -251,19 +250,30 @@ class TestDefaults:
         assert scene_of(made.model_dump(exclude_none=True)) == made == made.changed()
 
     def test_what_is_given_stays(self):
-        made = scene_of(read("sand") | {"defaults": "valid", "magnus": {"coefficient": 0.3}, "drag": {"law": "rubey"}})
+        content = case("sand")
+        content |= {"defaults": "valid", "magnus": {"coefficient": 0.3}, "drag": {"law": "rubey"}, "history": content["history"] | {"kernel": "basset"}}
+        made = scene_of(content)
         assert (made.magnus.law, made.magnus.coefficient, made.drag.law) == ("linear", 0.3, "rubey")
-        assert (made.bed.restitution, made.history.kernel) == (0.65, "basset")  # the scene gives them
+        assert (made.bed.restitution, made.history.kernel) == (0.65, "basset")
 
     def test_a_preset_s_own_laws_stay(self):
         content = {key: value for key, value in read("sand").items() if key not in ("history", "effects")}
-        made = scene_of(content | {"effects": "nino_garcia_1998", "defaults": "valid"})
+        made = scene_of(content | {"effects": "nino_garcia_1998"})
         assert made.options("rotation").law == "prescribed" and made.drag.law == "brown_lawler"
 
     def test_the_thesis_s_set_is_the_default(self):
-        made = saltation.load("sand")
+        made = scene_of({name: table for name, table in read("sand").items() if name != "defaults"})
         assert made.defaults == "thesis" and made.drag is made.magnus is made.lift is None
         assert (made.options("drag").law, made.options("lift").law, made.options("magnus").law) == ("yen", "squares", "linear")
+        assert made == scene_of(case("sand"))
+
+    def test_shipped_scenes_over_a_bed_leave_a_range_only_where_no_law_holds(self):
+        beyond = {"sand": set(), "sand_cloud": set(), "sand_coarse": {"history.kernel"}, "gravel": {"lift.law", "history.kernel", "magnus.law", "rotation.law"}}
+        for name, families_of in beyond.items():
+            made = saltation.load(name)
+            assert families_of == {family for family, (_, holds) in chosen(made).items() if not holds}
+            assert families_of == {text.partition(" = ")[0] for text in left(made) if text.endswith("no other law known here holds")}
+            assert len(left(made)) == len(families_of)
 
     def test_families_are_those_of_what_is_computed(self):
         assert set(families(scene("settling"))) == {"drag.law", "history.kernel"}

@@ -16,6 +16,7 @@ from saltation.front import warm
 from saltation.scene import SceneError, read, scene_of
 from saltation.study import cases, checks
 from saltation.study import effects as advice
+from saltation.study.thesis import case
 
 FALL = ["weight", "drag", "added_mass"]
 
@@ -177,7 +178,7 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
 ])  # fmt: skip
 def test_check_refuses_what_a_run_would(changes, words):
-    content = merged(read("sand"), changes)
+    content = merged(case("sand"), changes)
     with pytest.raises(SceneError) as caught:
         scene_of(content)
     text = str(caught.value)
@@ -195,7 +196,7 @@ def test_what_check_passes_runs(dt, window, tail):
 
 @pytest.mark.parametrize("interval", [1e-300, 1e-9, 1e-6])
 def test_a_cloud_that_would_keep_too_much(interval):
-    content = merged(read("sand_cloud"), {"cloud": {"interval": interval}})
+    content = merged(case("sand_cloud"), {"cloud": {"interval": interval}})
     with pytest.raises(SceneError, match=r"cloud\.interval must leave"):
         scene_of(content)
 
@@ -205,7 +206,7 @@ def test_flights_in_air_are_given_time(fluid, most):
     """Ballistic flights last 2 w/g' = 2 w τ* ρ_s/ρ: more than 1000 d/u* in air."""
     content = {"fluid": {"density": fluid[0], "viscosity": fluid[1]}, "channel": {"transport_stage": None, "shear_velocity": 0.4}}
     content |= {"grain": {"diameter": 2.5e-4}} if fluid[0] < 10.0 else {"channel": {}}
-    made = scene_of(merged({**read("sand")}, content) if content["channel"] else read("sand"))
+    made = scene_of(merged({**case("sand")}, content) if content["channel"] else case("sand"))
     assert made.longest_flight >= most
     assert made.longest_flight >= 50.0 * made.numbers.shields / made.numbers.alpha
 
@@ -219,7 +220,7 @@ def test_values_that_cannot_be_read(text, tmp_path):
         saltation.load(path)
     assert "\n" not in str(caught.value)
     with pytest.raises(SceneError):
-        scene_of(merged(read("sand"), {"grain": {"diameter": value_of(text)}}))
+        scene_of(merged(case("sand"), {"grain": {"diameter": value_of(text)}}))
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "a/" + "y" * 300 + ".toml", "nul\0"])
@@ -259,7 +260,7 @@ def test_sentences_about_still_water_name_no_shear_velocity(changes):
 
 
 def test_a_spin_cannot_lose_more_than_all_of_itself():
-    made = scene_of(merged(read("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
+    made = scene_of(merged(case("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
     row = next(row for row in advice.advise(made) if row.effect == "rotation")
     assert row.share <= 1.0 and "%" not in row.reason
 
@@ -270,7 +271,7 @@ class TestStiff:
     @pytest.mark.parametrize("kernel", ["basset", "mei_adrian", "dorgan_loth"])
     @pytest.mark.parametrize("changes", [{"fluid": {"viscosity": 2e-3}}, {"fluid": {"viscosity": 2e-2}}, {"grain": {"diameter": 1e-6}}])
     def test_another_tolerance_gives_the_same_flights(self, kernel, changes):
-        content = merged(read("sand"), changes | {"history": {"kernel": kernel}, "run": {"jumps": 8, "discard": 0, "trajectory": False}})
+        content = merged(case("sand"), changes | {"history": {"kernel": kernel}, "run": {"jumps": 8, "discard": 0, "trajectory": False}})
         coarse, fine = (flown(scene_of(merged(content, {"solver": {"rtol": rtol}}))) for rtol in (1e-4, 1e-6))
         assert coarse.status == fine.status == "finished" and len(fine.all_jumps) == 8
         np.testing.assert_allclose(coarse.all_jumps["height"], fine.all_jumps["height"], rtol=1e-3)
@@ -296,7 +297,7 @@ class TestStiff:
 
     def test_slow_grains_come_down(self):
         """A micrometre of quartz in water sinks by half its diameter in some thousand d/u*."""
-        made = scene_of(merged(read("sand"), {"grain": {"diameter": 1e-6}, "run": {"jumps": 5, "discard": 0}}))
+        made = scene_of(merged(case("sand"), {"grain": {"diameter": 1e-6}, "run": {"jumps": 5, "discard": 0}}))
         assert made.longest_flight >= 20.0 * made.numbers.velocity / checks.settling_velocity(made) * 0.999
         assert flown(made).status == "finished"
 
@@ -311,5 +312,5 @@ class TestStiff:
 ])  # fmt: skip
 def test_contacts_that_follow_at_once(changes):
     """Behind a contact within 1e-5 d/u* of another one steps are as short as the time between them."""
-    result = flown(scene_of(merged(read("sand"), {"bed": {"reading": "literal"}, "lift": None} | changes | {"bed": changes["bed"] | {"reading": "literal"}})))
+    result = flown(scene_of(merged(case("sand"), {"bed": {"reading": "literal"}, "lift": None} | changes | {"bed": changes["bed"] | {"reading": "literal"}})))
     assert len(result.all_jumps) == changes["run"]["jumps"] and result.all_jumps["duration"].min() < 2e-5

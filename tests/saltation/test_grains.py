@@ -10,15 +10,15 @@ import saltation
 from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
 from saltation.results.result import Result
 from saltation.results.tables import encounter_table, path_dataset
-from saltation.scene import read, scene_of
+from saltation.scene import scene_of
 from saltation.study import grains, thesis
 
 LABELS = {"concentration": 0.0233, "particle_reynolds": 73.0, "stage": 2.0}
 
 
 def cloud(meeting: bool = True, **tables):
-    """The shipped cloud, shorter and smaller."""
-    content = read("sand_cloud")
+    """The thesis's cloud, shorter and smaller."""
+    content = thesis.case("sand_cloud")
     content["cloud"]["number"] = 14
     content["run"] |= {"duration": 0.25, "discard": 1}
     for name, values in tables.items():

@@ -185,7 +185,8 @@ def test_what_is_not_named_is_not_computed():
     for word in ("history", "magnus", "rotation", "lift", "added_mass", "spin", "across", "stream", "bed"):
         assert word in missing
     assert checks.left_out(saltation.load("sand")) == ["wall (not among the effects)"]
-    assert "e = 0.97 exp(−11.4/St)" in checks.computed(changed("sand", bed={"restitution": "stokes"}))["bed"]
+    for kernel, decay in (("basset", "11.4"), ("dorgan_loth", "17.2")):
+        assert f"e = 0.97 exp(−{decay}/St)" in checks.computed(changed("sand", bed={"restitution": "stokes"}, history={"kernel": kernel}))["bed"]
 
 
 def test_settling_velocity_of_stokes_drag():

@@ -19,6 +19,7 @@ from saltation.scene import SceneError, scene_of
 from saltation.study import cases
 from saltation.study import schemes as study
 from saltation.study.schemes import Candidate, Entry, Sample
+from saltation.study.thesis import case
 
 WHOLE = Candidate("fixed_step", (("scheme", "exponential"), ("order", 2)))
 CUT = Candidate("fixed_step", (("scheme", "windowed"), ("rule", "brush"), ("window", 1.0), ("tail", False)))
@@ -153,7 +154,7 @@ class TestCandidates:
 
     @pytest.fixture(scope="class")
     def found(self):
-        return study.candidates(saltation.load("sand"), 1.5, 1e-3, [0.04])
+        return study.candidates(scene_of(case("sand")), 1.5, 1e-3, [0.04])
 
     def test_every_scheme_and_solver_takes_part(self, found):
         named = {word for candidate in found for key, word in candidate.history if key in ("scheme", "rule")}
@@ -161,11 +162,12 @@ class TestCandidates:
         assert {candidate.method for candidate in found} == {"collocation", "fixed_step", "runge_kutta_4"}
 
     def test_the_lines_for_the_scene_file_make_the_scene(self, found):
-        sand = saltation.load("sand").model_dump(exclude_none=True)
+        sand = scene_of(case("sand"))
+        content = sand.model_dump(exclude_none=True)
         for candidate, size in found.items():
             told = tomllib.loads(candidate.toml(size))
-            written = scene_of({**sand, "solver": told["solver"], "history": {"rebound": "impulse", "kernel": "basset", **told["history"]}})
-            assert written.options("history") == saltation.load("sand").changed(**candidate.words(size)).options("history")
+            written = scene_of({**content, "solver": told["solver"], "history": {"rebound": "impulse", "kernel": "basset", **told["history"]}})
+            assert written.options("history") == sand.changed(**candidate.words(size)).options("history")
 
     def test_words_of_the_scene_s_own_scheme_do_not_stay(self):
         own = saltation.load("sand").changed(history={"window_jumps": 2})
