@@ -191,7 +191,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
             print_written(output)
         elif result.status != "finished":
             click.echo(f"{result.status}: {result.message}", err=True)
-    if result.status == "failed":
+    if result.status in ("failed", "unsettled"):
         sys.exit(1)
 
 
@@ -716,6 +716,7 @@ def print_result(result: Result) -> None:
         print_summary(out, result)
     if result.scene.numbers.stage is not None and len(result.jumps):
         print_bed_load(out, result)
+    print_coupling(out, result)
     print_choice(out, result.scene)
     known = result.provenance
     if known["stokes"] is not None:
@@ -738,6 +739,21 @@ def print_bed_load(out: Console, result: Result) -> None:
     )
 
 
+def print_coupling(out: Console, result: Result) -> None:
+    """What two-way coupling came to."""
+    made = result.scene.coupling and result.scene.coupling.settled
+    if not made:
+        return
+    stream = {str(name): float(value) for name, value in result.coupled().data_vars.items() if not value.dims}
+    out.print(
+        f"coupling: {made.runs} runs, stresses of stream and grains add up to {made.change:.1g} ρu*²; at the bed grains carry "
+        f"{stream['bed_stress']:.3g} ρu*², {stream['moving_grains']:.3g} moving per m²"
+    )
+    out.print(
+        f"coupled bed load q* {stream['bed_load']:.3g}, {stream['bed_load_flux']:.3g} m²/s (q* {stream['bed_load_before']:.3g} in the profile without grains)"
+    )
+
+
 def print_cloud(result: Any) -> None:
     """Summary of many grains, and how often they meet."""
     out = console()
@@ -747,6 +763,7 @@ def print_cloud(result: Any) -> None:
         print_summary(out, result)
     often = result.frequencies()
     out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per {unit}, ratio {often['ratio']:.3g}")
+    print_coupling(out, result)
     print_choice(out, result.scene)
     for fate, number in result.fates["fate"].value_counts().items():
         out.print(f"{number} grains ended {fate}")
@@ -766,14 +783,15 @@ def print_choice(out: Console, scene: Scene) -> None:
 
 def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
-    from saltation.results.tables import UNITS
+    from saltation.results.tables import STREAM, UNITS
 
     table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
     for column in range(1, 4):
         table.columns[column].justify = "right"
     for name, row in result.summary().iterrows():
         values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
-        table.add_row(str(name), *values, result.scene.numbers.unit(UNITS[str(name)][0]))
+        if name not in STREAM:  # said below
+            table.add_row(str(name), *values, result.scene.numbers.unit(UNITS[str(name)][0]))
     out.print(table)
     print_scale(out, result.scene)
 

@@ -7,9 +7,11 @@ The choice of profile changes the mean speed of a grain by some 20 %.
 
 from __future__ import annotations
 
+import bisect
+import dataclasses
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +21,10 @@ from basset._compile import load, method
 from basset.kernels import Floats
 from saltation.grain import Numbers
 
-__all__ = ["LogLaw", "Profile", "Reichardt", "Still", "Swamee", "profile_of", "yalin_shift"]
+__all__ = ["Laden", "LogLaw", "Profile", "Reichardt", "Still", "Swamee", "profile_of", "rougher", "saltation_layer", "yalin_shift"]
 
 VON_KARMAN = 0.41
+FINE = 0.03  # of ln z, between two points of a profile that grains change
 
 
 class Still(NamedTuple):
@@ -117,6 +120,84 @@ class LogLaw(Profile):
     def extended(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""
         return math.log(z / self.roughness) / self.kappa + self.shift, 1.0 / (self.kappa * z)
+
+
+@dataclass(frozen=True)
+class Laden(Profile):
+    """A profile that grains have taken the stress τ_p(z) from: at each height its shear times r, s r + (1 − s) r|r| = 1 − τ_p/(1 − z/h).
+
+    s is the share of the stress that viscosity carries, the rest keeps its mixing length: √|τ_f|/(κz) for the logarithm. Without τ_p the profile itself.
+    """
+
+    base: Profile
+    heights: tuple[float, ...]  # d, rising
+    stress: tuple[float, ...]  # τ_p there, ρu*²; below the first as at the first, above the last none
+    depth: float = math.inf  # h, d
+
+    @property
+    def floor(self) -> float:  # type: ignore[override]
+        """The base's."""
+        return self.base.floor
+
+    def left(self, z: Floats) -> Floats:
+        """The fluid's share of the stress at heights, (1 − z/h − τ_p)/(1 − z/h)."""
+        from scipy.interpolate import PchipInterpolator
+
+        x = np.log(np.maximum(z, self.heights[0]))
+        carried = PchipInterpolator(np.log(self.heights), self.stress)(np.minimum(x, math.log(self.heights[-1])))
+        found: Floats = 1.0 - np.where(z < self.heights[-1], carried, 0.0) / np.maximum(1.0 - z / self.depth, 0.01)
+        return found
+
+    @cached_property
+    def change(self) -> tuple[list[float], list[list[float]]]:
+        """Points in ln z, and for each the polynomial of the change of velocity from there on; the last is the change above all grains."""
+        from scipy.interpolate import CubicSpline
+
+        start, end = math.log(max(self.floor, LOWEST)), math.log(self.heights[-1])
+        x = np.linspace(start, end, math.ceil((end - start) / FINE) + 1)
+        z = np.exp(x)
+        shear = np.array([self.base.extended(height)[1] for height in z])
+        viscous = np.minimum(1.0, shear / getattr(self.base, "reynolds", math.inf))
+        left = self.left(z)
+        ratio = 2.0 * left / (viscous + np.sqrt(viscous**2 + 4.0 * (1.0 - viscous) * np.abs(left)) + 1e-300)
+        spline = CubicSpline(x, (ratio - 1.0) * shear * z).antiderivative()
+        lowest = 0.0 if self.floor > 0.0 else (ratio[0] - 1.0) * self.base.extended(z[0])[0]
+        pieces = spline.c.T + np.array([0.0, 0.0, 0.0, 0.0, lowest])
+        return x.tolist(), [*pieces.tolist(), [0.0, 0.0, 0.0, 0.0, float(spline(end)) + lowest]]
+
+    def extended(self, z: float) -> tuple[float, float]:
+        """Velocity and shear."""
+        points, pieces = self.change
+        velocity, shear = self.base.extended(z)
+        x = math.log(z)
+        k = max(0, bisect.bisect(points, x) - 1)
+        t, (a, b, c, d, e) = x - points[k], pieces[k]
+        if t < 0.0:  # next to the bed: viscous, or below the floor
+            ratio = 1.0 + d / (shear * z)
+            return velocity * ratio, shear * ratio
+        rise = ((4.0 * a * t + 3.0 * b) * t + 2.0 * c) * t + d
+        return velocity + (((a * t + b) * t + c) * t + d) * t + e, shear + rise / z
+
+
+def saltation_layer(stage: float, diameter: float) -> float:
+    """Thickness of the layer in which grains of that diameter (m) jump, in d: 0.68 T/(1 + A₂T), A₂ = 0.0204 ln²D + 0.0220 ln D + 0.0709, D in cm.
+
+    Nothing up to T = 1, where nothing moves. Wiberg & Rubin (1989), J. Geophys. Res. 94(C4), 5011 (constants as in the project's notes).
+
+    >>> round(saltation_layer(2.0, 0.69e-3), 3)
+    1.034
+    """
+    size = math.log(100.0 * diameter)
+    return 0.68 * stage / (1.0 + (0.0204 * size**2 + 0.0220 * size + 0.0709) * stage) if stage > 1.0 else 0.0
+
+
+def rougher(profile: Any, by: float) -> Any:
+    """The profile with a roughness length z₀ that is greater by so much (d); ValueError for one that has none."""
+    if isinstance(profile, LogLaw):
+        return dataclasses.replace(profile, roughness=profile.roughness * (1.0 + by / profile.floor))
+    if isinstance(profile, Swamee):
+        return dataclasses.replace(profile, scale=1.0 / (1.0 / profile.scale + by * profile.reynolds))
+    raise ValueError("it has no roughness length")
 
 
 OCTAVES = (-24, 14)  # heights 2^-24 d to 2^14 d

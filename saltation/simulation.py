@@ -19,6 +19,7 @@ from basset.kernels import BassetKernel, Floats
 from basset.solvers import stepper
 from basset.solvers._tables import step_tables
 from saltation._keys import text_of
+from saltation.coupling import settle
 from saltation.flight import collisions, layout
 from saltation.flight.cloud import ROUNDED, Cloud, starts
 from saltation.flight.cost import CHUNK, cost_of
@@ -26,7 +27,7 @@ from saltation.flight.fixed import FixedGrain
 from saltation.flight.setup import Engine, Grain, Start, empty_record
 from saltation.flow import velocity_and_shear
 from saltation.results.files import STOPPED, open_folder, packed, unpacked
-from saltation.results.folder import Folder, RunStatus
+from saltation.results.folder import Folder, RunStatus, begun
 from saltation.results.path import path_at, path_of
 from saltation.results.result import Result, origin
 from saltation.results.tables import encounter_table, fate_table, ordered, path_dataset, table_of, tables_to_dataset
@@ -60,11 +61,30 @@ def run(
     scene: Scene, progress: Callable[[float], None] | None = None, output: str | os.PathLike[str] | None = None, executor: Executor | None = None
 ) -> Result:
     """Simulate a scene whose effects are given; as `saltation.run`."""
+    if scene.coupling is not None and scene.coupling.form == "two_way" and scene.coupling.settled is None:
+        return run_coupled(scene, progress, output, executor)
+    return run_uncoupled(scene, progress, output, executor)
+
+
+def run_uncoupled(
+    scene: Scene, progress: Callable[[float], None] | None, output: str | os.PathLike[str] | None = None, executor: Executor | None = None
+) -> Result:
+    """Run a scene in its profile as it is."""
     if scene.cloud is None:
         return run_one(scene, progress)
     if executor is not None:
         return run_blocks(scene, executor, progress)
     return run_cloud(scene, progress, output)
+
+
+def run_coupled(scene: Scene, progress: Callable[[float], None] | None, output: str | os.PathLike[str] | None, executor: Executor | None) -> Result:
+    """Run a scene whose stream feels the grains until both agree; into a folder once they do."""
+    if output is None:
+        return settle(scene, lambda made, report: run_uncoupled(made, report, executor=executor), progress)
+    found = begun(scene, output)
+    if found is None:
+        found = settle(scene, run_uncoupled, progress).scene
+    return run_uncoupled(found, None, output)
 
 
 # One grain

@@ -124,11 +124,12 @@ class Folder:
 
 
 def begun(scene: Scene, output: str | os.PathLike[str] | None) -> Scene | None:
-    """What was chosen for a scene that says "auto" when the run in this folder began; None if there is none."""
+    """What was chosen for a scene that says "auto", or agreed on in one whose stream feels the grains, when the run in this folder began; None without."""
     if output is None:
         return None
     try:
         found = scene_of(read_run_json(Path(output))["scene"])
     except (OSError, ValueError):
         return None
-    return found if found.chosen is not None and found.chosen.of == key_of(scene) else None
+    chosen, settled = found.chosen, found.coupling.settled if found.coupling is not None else None
+    return found if key_of(scene) in (chosen and chosen.of, settled and settled.of) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 from collections.abc import Callable
@@ -20,7 +21,8 @@ from basset.kernels import Floats
 from saltation import regressions, statistics
 from saltation._files import store
 from saltation.effects import EFFECTS
-from saltation.results.tables import FATES, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
+from saltation.grain import GRAVITY
+from saltation.results.tables import COUPLED, FATES, STREAM, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
 from saltation.scene import Scene
 from saltation.scene.valid import left
 
@@ -37,8 +39,8 @@ class Result:
     all_jumps : DataFrame
         One row per jump from the first on, in the order of grains and time; columns and units in `saltation.results.tables.UNITS`.
     status, message : str
-        finished, at rest, creeping, aloft, horizon or failed, of many grains also pile-up, or unfinished (a run that was stopped and
-        can go on); and why.
+        finished, at rest, creeping, aloft, horizon or failed, with two-way coupling unsettled (stream and grains do not agree), of many
+        grains also pile-up, or unfinished (a run that was stopped and can go on); and why.
     provenance : dict
         Profile, roughness, reading, rebound memory, source of e, range of St, shares of impacts that were clipped, creep or
         lie outside a closure's range, versions, seed; of grains that meet the pair law, the box (d), and how many steps were too
@@ -85,8 +87,13 @@ class Result:
     path: xr.Dataset | Callable[[], xr.Dataset] | None = None
 
     def __post_init__(self) -> None:
-        """Complete the provenance."""
+        """Complete the provenance; a run is not finished where stream and grains do not agree."""
         self.provenance = self.provenance | shares(self.jumps)
+        coupling = self.scene.coupling
+        if coupling is not None and (made := coupling.settled) is not None and self.status == "finished" and made.change > coupling.tolerance:
+            self.status = "unsettled"
+            told = f"after {made.runs} runs the stresses of stream and grains miss their sum by {made.change:.2g} ρu*², more than {coupling.tolerance:g}"
+            self.message = f"coupling: {told}: take more jumps, or a greater coupling.tolerance"
 
     @property
     def jumps(self) -> pd.DataFrame:
@@ -102,9 +109,63 @@ class Result:
         Returns
         -------
         DataFrame, one row per column of `jumps` but the grain
-            mean, standard_deviation, standard_error and count, in the units of the column.
+            mean, standard_deviation, standard_error and count, in the units of the column; with two-way coupling also what `coupled`
+            says of the whole stream, without deviation and error.
         """
-        return statistics.summary(self.jumps.drop(columns="grain"))
+        found = statistics.summary(self.jumps.drop(columns="grain"))
+        made = self.scene.coupling and self.scene.coupling.settled
+        if not made:
+            return found
+        whole = self.coupled()
+        rows = {name: (float(whole[name]), np.nan, np.nan, len(self.jumps)) for name in STREAM}
+        return pd.concat([found, pd.DataFrame.from_dict(rows, orient="index", columns=found.columns)]).rename_axis(found.index.name)
+
+    def coupled(self) -> xr.Dataset:
+        """The stream and the grains that it carries, of a scene with two-way coupling.
+
+        Returns
+        -------
+        Dataset, along `height` (d, of the centre above the bed level)
+            velocity_before, velocity (u*, without the grains and with them), fluid_stress, grain_stress (ρu*²), and without a dimension
+            moving_grains (1/m²), bed_stress (what grains carry at the bed, ρu*²), bed_load and bed_load_before (q/√((s − 1) g d³), with the
+            stream as the grains make it and without), bed_load_flux (m²/s). Units in the variables' attributes.
+
+        Raises
+        ------
+        ValueError
+            For a scene without.
+
+        References
+        ----------
+        `saltation.coupling`: Owen (1964); Wiberg & Smith (1985).
+
+        Examples
+        --------
+        >>> import saltation
+        >>> scene = saltation.load("sand").changed(coupling="two_way", run={"jumps": 60})
+        >>> stream = saltation.run(scene).coupled()
+        >>> bool((stream["velocity"] < stream["velocity_before"]).all()), bool(stream["bed_load"] < stream["bed_load_before"])
+        (True, True)
+        """
+        scene, numbers = self.scene, self.scene.numbers
+        made = scene.coupling and scene.coupling.settled
+        if not made:
+            raise ValueError("the stream feels nothing of the grains: set coupling = 'two_way'")
+        assert scene.channel is not None
+        heights, stress = np.array(made.heights), np.array(made.stress)
+        total = 1.0 - heights * numbers.diameter / scene.channel.depth if scene.channel.depth else np.ones(len(heights))
+        columns = {
+            "velocity_before": (np.array([scene.clear.velocity_and_shear(z)[0] for z in heights]), "u*"),
+            "velocity": (np.array([scene.profile.velocity_and_shear(z)[0] for z in heights]), "u*"),
+            "fluid_stress": (total - stress, "1"),
+            "grain_stress": (np.array(made.seen), "1"),
+        }
+        data: dict[str, Any] = {name: ("height", values, attributes_of(scene, unit, COUPLED[name])) for name, (values, unit) in columns.items()}
+        flux = made.rate * math.sqrt(abs(numbers.density_ratio - 1.0) * GRAVITY * numbers.diameter**3)
+        load = {"bed_load": made.rate, "bed_load_before": made.rate_uncoupled, "bed_load_flux": flux}
+        for name, value in ({"moving_grains": made.grains, "bed_stress": made.seen[0]} | load).items():
+            data[name] = (), value, attributes_of(scene, STREAM.get(name, "1"), COUPLED[name])
+        return xr.Dataset(data, coords={"height": ("height", heights, attributes_of(scene, "d", "of the centre above the bed level"))})
 
     @cached_property
     def trajectory(self) -> xr.Dataset:
@@ -319,6 +380,8 @@ class Result:
     def dataset(self) -> xr.Dataset:
         """Everything as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` (and `grain`), the rest as attributes.
 
+        With two-way coupling what `coupled` gives, `coupling_` before each name.
+
         Returns
         -------
         Dataset
@@ -337,6 +400,9 @@ class Result:
         whole["fate_fate"].attrs.pop("units")  # a word
         if self.path is not None:
             whole = whole.merge(self.trajectory, combine_attrs="override")
+        if scene.coupling is not None and scene.coupling.settled is not None:
+            stream = self.coupled().rename(height="coupling_height")
+            whole = whole.merge(stream.rename({str(name): f"coupling_{name}" for name in stream.data_vars}), combine_attrs="override")
         whole.attrs = {
             "scene": scene.model_dump_json(exclude_none=True),
             "status": self.status,

@@ -52,6 +52,18 @@ CREEP = 0.1  # d: lower jumps are counted as creeping
 WHOLE = ("grain", "first", "second")  # columns that count grains
 ENCOUNTER_UNITS = {"time": "d/u*", "first": "1", "second": "1", "restitution": "1", "distance": "d"}  # others by what they are
 FATES = {"grain": "number of the grain", "time": "when it left the run", "fate": "at rest, creeping or aloft"}
+COUPLED = {  # what two-way coupling comes to
+    "velocity_before": "velocity of the stream without grains",
+    "velocity": "velocity of the stream with the grains",
+    "fluid_stress": "shear stress of the stream over ρu*²",
+    "grain_stress": "shear stress that grains carry over ρu*²",
+    "moving_grains": "moving grains per area of the bed",
+    "bed_stress": "shear stress that grains carry at the bed over ρu*²",
+    "bed_load": "bed load q/√((s − 1) g d³)",
+    "bed_load_before": "the same of grains that the stream does not feel",
+    "bed_load_flux": "bed load, volume of grains per width and time",
+}
+STREAM = {"moving_grains": "m-2", "bed_stress": "1", "bed_load": "1", "bed_load_flux": "m2 s-1"}  # of them what has no height: its unit
 AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}
 
 

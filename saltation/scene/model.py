@@ -21,12 +21,12 @@ from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
 from saltation.effects import EFFECTS
 from saltation.effects.history import DECAYS, kernel_of
-from saltation.flow import profile_of
+from saltation.flow import PROFILES, Laden, profile_of, rougher, saltation_layer
 from saltation.grain import Numbers, numbers_of
 from saltation.scene.memory import barred
 from saltation.scene.messages import sentence
 from saltation.scene.presets import ALL, PRESETS, Preset
-from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Fluid, Grain, Run, SceneError, Solver, Start
+from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Coupling, Fluid, Grain, Run, SceneError, Solver, Start
 from saltation.scene.valid import chosen, families
 
 __all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
@@ -42,6 +42,7 @@ MOST_TIMES = 10**7  # that are kept of a cloud
 FINEST = 1e-13  # relative error of sums of exponentials
 FINEST_STEPS = {"mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # solver.rtol that flights with these kernels keep
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
+COUPLINGS = ("none", "roughness", "two_way")  # words for what grains do to the stream
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
 
 
@@ -62,6 +63,20 @@ def _effects(value: Any) -> Any:
         if list(value).count(name) > 1:
             raise ValueError(f"must hold each effect once, got {name!r} twice")
     return list(value)
+
+
+def _words(schema: dict[str, Any]) -> None:
+    """What stands for a table of couplings."""
+    schema["anyOf"].insert(0, {"enum": list(COUPLINGS)})
+
+
+def _coupling(value: Any) -> Any:
+    """A word, or a table of one of them with its options."""
+    if isinstance(value, str):
+        if value not in COUPLINGS:
+            raise ValueError(f"must be one of {', '.join(map(repr, COUPLINGS))} or a table, got {value!r}{_validate.suggestion(value, COUPLINGS)}")
+        return None if value == "none" else {"form": value}
+    return value
 
 
 class SceneBase(Table):
@@ -89,6 +104,11 @@ class SceneBase(Table):
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
     grain: Grain = Field(description="a table: density and diameter")
     channel: Channel | None = Field(None, description="a table: the stream; left out for still water")
+    coupling: Annotated[Coupling | None, BeforeValidator(_coupling)] = Field(
+        None,
+        description="what grains do to the stream: 'none', 'roughness', 'two_way', or a table with options",
+        json_schema_extra=_words,
+    )
     bed: Bed | None = Field(None, description="a table: rebound and roughness; left out where there is no bed")
     start: Start = Field(Start(), description="a table: the first takeoff")
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
@@ -170,6 +190,7 @@ class SceneBase(Table):
         content = self.model_dump(exclude_none=True)
         if "effects" in tables:
             content.pop("chosen", None)  # it belongs to the effects that were
+        content.get("coupling", {}).pop("settled", None)  # it belongs to the scene that was
         for name, value in tables.items():
             merged = {**content.get(name, {}), **value} if isinstance(value, dict) else value
             content[name] = {key: item for key, item in merged.items() if item is not None} if isinstance(merged, dict) else merged
@@ -191,12 +212,24 @@ class SceneBase(Table):
         )
 
     @cached_property
-    def profile(self) -> Any:
-        """The stream's profile."""
+    def clear(self) -> Any:
+        """The profile of the stream without grains."""
         if self.channel is None:
             return profile_of("none", self.numbers)
         height = self.channel.roughness_height or self.grain.diameter
         return profile_of(self.channel.profile, self.numbers, height / self.grain.diameter, self.channel.von_karman)
+
+    @cached_property
+    def profile(self) -> Any:
+        """The stream's profile, as grains have made it."""
+        clear, coupling = self.clear, self.coupling
+        if coupling is None or self.channel is None or self.numbers.stage is None:
+            return clear
+        if coupling.form == "roughness":
+            return rougher(clear, 0.056 * saltation_layer(self.numbers.stage, self.grain.diameter))
+        depth = math.inf if self.channel.depth is None else self.channel.depth / self.grain.diameter
+        found = coupling.settled
+        return clear if found is None or not any(found.stress) else Laden(clear, tuple(found.heights), tuple(found.stress), depth)
 
     @property
     def turns(self) -> bool:
@@ -232,6 +265,7 @@ class SceneBase(Table):
         if self.in_plane and spin is not None and (spin[0] != 0.0 or spin[2] != 0.0):
             raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
         self._check_numbers()
+        self._check_coupling()
         self._check_duration()
         if "history" in names:
             self._check_history()
@@ -304,15 +338,37 @@ class SceneBase(Table):
                 decisive["the Shields parameter"] = abs(n.shields)
             if self.channel is not None and self.channel.roughness_height is not None:
                 decisive["roughness_height over diameter"] = self.channel.roughness_height / self.grain.diameter
+            if self.channel is not None and self.channel.depth is not None:
+                decisive["depth over diameter"] = self.channel.depth / self.grain.diameter
         except ArithmeticError:
             decisive = {"a dimensionless number": math.nan}
         for name, value in decisive.items():
             if not low <= value <= high:
                 raise ValueError(f"fluid, grain and channel must make sense together, got {name} = {value:.3g}: check their units")
         try:
-            self.profile  # noqa: B018
+            self.clear  # noqa: B018
         except ValueError as error:
             raise ValueError(f"channel.{error}") from None
+
+    def _check_coupling(self) -> None:
+        """A stream that grains change, and what two-way coupling counts them by."""
+        coupling = self.coupling
+        if coupling is None:
+            return
+        if self.channel is None or self.channel.profile == "none":
+            raise ValueError(f"coupling = {coupling.form!r} needs a [channel] with a profile: still water has no momentum to give")
+        try:
+            self.profile  # noqa: B018
+        except ValueError as error:
+            known = ", ".join(name for name in PROFILES if name not in ("none", "reichardt"))
+            raise ValueError(f"coupling = 'roughness' needs a profile that can be rougher, one of {known}: of {self.channel.profile!r} {error}") from None
+        if coupling.form == "two_way":
+            if self.bed is None:
+                raise ValueError("coupling = 'two_way' needs a [bed]: grains leave there the momentum that they take from the stream")
+            if self.cloud is not None and coupling.grains is not None:
+                raise ValueError("coupling.grains is for a single grain: the table [cloud] says how many there are per area")
+            if self.cloud is not None and coupling.excess:
+                raise ValueError("coupling.excess is for a single grain: the table [cloud] says how many there are per area")
 
     def _check_duration(self) -> None:
         """The duration has to fit the steps and the kept positions."""

@@ -12,7 +12,7 @@ from saltation.bed.rebound import REBOUNDS
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.flow import PROFILES, REGIMES, VON_KARMAN
 
-__all__ = ["Bed", "Channel", "Chosen", "Cloud", "Fluid", "Grain", "Run", "SceneError", "Solver", "Start"]
+__all__ = ["Bed", "Channel", "Chosen", "Cloud", "Coupling", "Fluid", "Grain", "Run", "SceneError", "Settled", "Solver", "Start"]
 
 
 class SceneError(ValueError):
@@ -77,6 +77,7 @@ class Channel(Table):
     profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
     roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
     von_karman: float = Field(VON_KARMAN, ge=1e-3, lt=1.0, description="κ, dimensionless")
+    depth: float | None = Field(None, gt=0.0, description="h of the water above the bed level, m")
 
     @model_validator(mode="after")
     def _one_velocity(self) -> Channel:
@@ -180,6 +181,44 @@ class Run(Table):
             raise ValueError("needs either jumps or duration (s), and not both")
         if self.jumps is not None and self.discard >= self.jumps:
             raise ValueError(f"discard must be smaller than jumps = {self.jumps}, got {self.discard}")
+        return self
+
+
+class Settled(Table):
+    """What the stream and the grains have agreed on."""
+
+    of: str = Field(description="the key of the scene that was coupled")
+    heights: list[float] = Field(min_length=4, description="of the centre, d")
+    stress: list[float] = Field(min_length=4, description="that grains carry there and the profile is made of, in units of ρu*²")
+    seen: list[float] = Field(min_length=4, description="that grains which fly in this profile carry there, in units of ρu*²")
+    grains: float = Field(description="moving ones per area, 1/m2")
+    rate: float = Field(description="bed load q/√((s − 1) g d³), dimensionless")
+    rate_uncoupled: float = Field(description="the same of grains in the profile without grains, dimensionless")
+    runs: int = Field(description="how often the grains were flown")
+    change: float = Field(description="largest difference between stress and seen, in units of ρu*²")
+
+
+class Coupling(Table):
+    """What grains do to the stream; `coupling = "two_way"` is this table with its defaults."""
+
+    form: Literal["roughness", "two_way"] = Field(
+        "two_way", description="'roughness': a layer of jumping grains makes the bed rougher; 'two_way': they take momentum from the stream"
+    )
+    excess: float = Field(
+        0.0, ge=0.0, le=1.0, description="c₁ of the fluid's stress at the bed, τ_c + c₁(τ₀ − τ_c), which sets the number of grains; 0 is Owen's, dimensionless"
+    )
+    grains: float | None = Field(None, ge=0.0, description="moving ones per area, 1/m2, for a single grain; default what the stress at the bed says")
+    tolerance: float = Field(1e-3, ge=1e-6, le=0.1, description="of the stresses' sum at every height, in units of ρu*²")
+    settled: Settled | None = Field(None, description="what was agreed on: written with a result, not given")
+
+    @model_validator(mode="after")
+    def _one_number(self) -> Coupling:
+        if self.form == "roughness":
+            given = [name for name in ("excess", "grains", "tolerance", "settled") if name in self.model_fields_set]
+            if given:
+                raise ValueError(f"{given[0]} belongs to form = 'two_way', got form = 'roughness': leave it out")
+        if self.grains is not None and self.excess:
+            raise ValueError(f"excess and grains exclude each other: the stress at the bed sets the number of grains, or it is given, got {self.grains:g} 1/m2")
         return self
 
 
