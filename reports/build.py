@@ -20,6 +20,7 @@ import matplotlib as mpl
 
 from basset._look import LOOK
 from bench.sources import changed
+from reports import gallery
 from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
@@ -36,16 +37,22 @@ PICTURES = (  # the front page starts with them: whole flights, and the thesis's
 END = "---\n\nMade by `python -m reports.build` from [data/](data/). Every page ends with the commands, the commits and the machine that measured it."
 
 
+def committed(file: str) -> str:
+    """A page as it is committed, its figures copied to where pages are being made."""
+    text = (HERE / file).read_text(encoding="utf-8")
+    for name in re.findall(r"\(figures/([^)]+)\)", text):
+        (folder() / "figures").mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(HERE / "figures" / name, folder() / "figures" / name)
+    return text
+
+
 def made(page: Page, data: dict[str, Record], old: dict[str, Record]) -> Page:
     """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page, if there is one."""
     said = {name: old[name] for name in page.suites if name in old}
     if said.keys() != {name for name in page.suites if name in data} or not (HERE / page.file).exists():
         text = page.build(data)
     else:
-        text = (HERE / page.file).read_text(encoding="utf-8")
-        for name in re.findall(r"\(figures/([^)]+)\)", text):
-            (folder() / "figures").mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(HERE / "figures" / name, folder() / "figures" / name)
+        text = committed(page.file)
     return replace(page, text=text.replace("\n\n", f"\n\n*{kept(said)}*\n\n", 1) if said else text)
 
 
@@ -53,6 +60,7 @@ def front(pages: Sequence[Page]) -> str:
     """The page README.md."""
     parts = ["# Reports", "Everything on one page, to search and to sort: open [index.html](index.html) in a browser; it needs no network."]
     parts += ["\n".join(f"* [{page.title}]({page.file}): {page.opening[0]}" for page in pages)]
+    parts += [f"Files to start from, each with its figure: [examples]({gallery.FILE})."]
     parts += [f"![{picture.alternative}](figures/{picture.figure}.png)\n\n{picture.line} [More]({picture.page}.md)." for picture in PICTURES]
     notes = [page.note for page in pages if page.note]
     return "\n\n".join([*parts, *dict.fromkeys(notes), END])
@@ -73,13 +81,15 @@ def main(output: Path, check: bool) -> None:
     old = {name: content for name, content in load(HERE / "data").items() if name not in data}
     data |= old
     if output != HERE:
-        shutil.copytree(HERE / "examples", output / "examples", ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)  # the guide leads there
+        shutil.copytree(HERE / "examples", output / "examples", ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)  # pages lead there
     with mpl.rc_context(LOOK), into(output):
         pages = [made(page, data, old) for page in PAGES if data.keys() & set(page.suites)]  # one without data is left out
         texts = {page.file: page.text for page in pages}
         written = [Page(name, lambda data: "", (), (HERE / f"{name}.md").read_text(encoding="utf-8")) for name in WRITTEN]
         texts |= {page.file: page.text for page in written}
-        texts |= {"README.md": front([*pages, *written]), "index.html": index([*pages, *written], END, PICTURES)}
+        shown = gallery.made() if output == HERE else committed(gallery.FILE)
+        texts |= {gallery.FILE: shown, "README.md": front([*pages, *written])}
+        texts["index.html"] = index([*pages, *written], END, PICTURES, gallery.cards(shown))
     for name, text in texts.items():
         write(output / name, text)
     print(f"{pages[0].title}: {os.path.relpath(output / pages[0].file)}")

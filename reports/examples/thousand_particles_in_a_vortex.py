@@ -32,15 +32,17 @@ def example() -> Figure:
     rate, coefficient = 18e-3 / 0.02**2 / inertia, 9.0 / 0.02 * math.sqrt(1e-3 / math.pi) / inertia
     outward = reference.solid_body_vortex(t, rate, coefficient, beta=1.5 / inertia).position  # of one that starts at 1: the equation is linear
     found = ds.position.values @ [1.0, 1.0j]
-    assert np.abs(found - found[:, :1] * outward).max() < 1e-6
+    error = np.abs(found - found[:, :1] * outward).max()
+    assert error < 1e-6
 
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     for axes, k, title in zip(figure.subplots(1, 3, sharex=True, sharey=True), range(3), ("at the start", "after half a turn", "after one turn"), strict=True):
-        axes.plot(*without.position[:, k].values.T, ".", markersize=2, color="tab:orange", label="without history")
-        axes.plot(*ds.position[:, k].values.T, ".", markersize=2, label="with history")
+        axes.plot(*without.position[:, k].values.T, ".", markersize=2, color="C1", rasterized=True, label="without history")
+        axes.plot(*ds.position[:, k].values.T, ".", markersize=2, color="C0", rasterized=True, label="with history")
         axes.set(title=title, aspect="equal", xlabel="x, m", ylabel="y, m")
         axes.label_outer()
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", markerscale=4)
+    print(f"each of a thousand within {error:.0e} m of its exact place")
     return figure
 
 

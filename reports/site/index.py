@@ -264,14 +264,15 @@ def gallery(examples: Sequence[Page], pages: Sequence[Page]) -> tuple[str, str]:
 
 
 def index(pages: Sequence[Page], footer: str, pictures: Sequence[Picture], examples: Sequence[Page] = ()) -> str:
-    """The whole of index.html from every page, the front page's footer and pictures, and what is in the gallery."""
+    """The whole of index.html from every page, the front page's footer and pictures, and what is in the gallery, whose page is examples.md."""
+    known = [*pages, *examples, *([Page("examples", lambda data: "", (), "# Examples")] if examples else [])]
     entries, chapters = [], []
     for page in pages:
-        html, sections = body(page.text, page.file, pages)
+        html, sections = body(page.text, page.file, known)
         inner = "".join(f"<li>{anchor(*section)}</li>" for section in sections)
         entries.append(f"<li>{anchor(page.name, page.title)}<ul>{inner}</ul></li>")
         chapters.append(chapter(page.name, html))
-    entry, part = gallery(examples, pages)
+    entry, part = gallery(examples, known)
     listed = "\n".join(each for each in (*entries, entry) if each)
     return fill(
         "index.html",
@@ -279,7 +280,7 @@ def index(pages: Sequence[Page], footer: str, pictures: Sequence[Picture], examp
         script=template("index.js"),
         contents=f"<ul><li>{anchor('top', 'Summary')}</li>\n{listed}</ul>",
         pictures="\n".join(map(pictured, pictures)),
-        summaries="\n".join(summary(page, pages) for page in pages),
+        summaries="\n".join(summary(page, known) for page in pages),
         chapters="\n".join(each for each in (*chapters, part) if each),
-        footer=body(footer, "README.md", pages)[0],
+        footer=body(footer, "README.md", known)[0],
     )

@@ -10,13 +10,15 @@ from html.parser import HTMLParser
 import headless
 import pytest
 
-from reports import build
+from reports import build, gallery
 from reports.site.index import index, keys, lean, line, number
 from reports.site.page import HERE, Page
 
 VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}
 PAGES = [replace(page, text=(HERE / page.file).read_text(encoding="utf-8")) for page in build.PAGES if (HERE / page.file).exists()]
-TEXTS = [page.text for page in PAGES]
+GALLERY = (HERE / gallery.FILE).read_text(encoding="utf-8")
+CARDS = gallery.cards(GALLERY)
+TEXTS = [*(page.text for page in PAGES), GALLERY]
 TIMES = r"/^[\d.]+\s(ns|µs|ms|s)$/"
 
 
@@ -46,7 +48,7 @@ class Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def made():
     """The page of the committed pages, made by a function so that it can be made again."""
-    return lambda: index(PAGES, build.END, build.PICTURES)
+    return lambda: index(PAGES, build.END, build.PICTURES, CARDS)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +77,7 @@ def test_every_element_is_closed_and_every_id_is_its_own(read):
     ids = [attributes["id"] for _, attributes in read.elements if "id" in attributes]
     assert [name for name, times in Counter(ids).items() if times > 1] == []
     headings = [attributes["id"] for tag, attributes in read.elements if re.fullmatch("h[2-5]", tag) and "id" in attributes]
-    assert all(any(name == page.name or name.startswith(f"{page.name}-") for page in PAGES) for name in headings)
+    assert all(any(name == page.name or name.startswith(f"{page.name}-") for page in (*PAGES, *CARDS)) or name == "examples" for name in headings)
 
 
 def test_it_needs_nothing_but_itself(read, text):
@@ -108,7 +110,7 @@ def test_labels_keep_their_digits(name):
 def test_links_within_lead_somewhere(read):
     ids = {attributes["id"] for _, attributes in read.elements if "id" in attributes}
     addresses = [attributes["href"] for attributes in read.each("a")]
-    assert {f"#{page.name}" for page in PAGES} <= set(addresses)
+    assert {f"#{page.name}" for page in (*PAGES, *CARDS)} <= set(addresses)
     assert [address for address in addresses if not (address.startswith("https://") or address[1:] in ids)] == []
 
 
