@@ -716,6 +716,7 @@ def print_result(result: Result) -> None:
         print_summary(out, result)
     if result.scene.numbers.stage is not None and len(result.jumps):
         print_bed_load(out, result)
+    print_rests(out, result)
     print_coupling(out, result)
     print_choice(out, result.scene)
     known = result.provenance
@@ -737,6 +738,15 @@ def print_bed_load(out: Console, result: Result) -> None:
         f"bed load q* {load['rate']:.3g} (dynamic friction {load['dynamic_friction']:.3g}); "
         f"Meyer-Peter & Müller {load['meyer_peter_mueller']:.3g}, Wong & Parker {load['wong_parker']:.3g}"
     )
+
+
+def print_rests(out: Console, result: Result) -> None:
+    """How long grains lay still."""
+    if result.scene.rests is not None:
+        lasted, unit = result.rests["duration"], result.scene.numbers.unit("d/u*")
+        told = f" of {lasted.mean():.3g} {unit} on average" if len(lasted) else ""
+        share = f", {result.resting():.3g} grains at rest per moving one" if result.path is not None or result.scene.cloud is None else ""
+        out.print(f"{len(lasted)} rests came to an end{told}{share}")
 
 
 def print_coupling(out: Console, result: Result) -> None:
@@ -763,6 +773,7 @@ def print_cloud(result: Any) -> None:
         print_summary(out, result)
     often = result.frequencies()
     out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per {unit}, ratio {often['ratio']:.3g}")
+    print_rests(out, result)
     print_coupling(out, result)
     print_choice(out, result.scene)
     for fate, number in result.fates["fate"].value_counts().items():

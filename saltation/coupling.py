@@ -72,8 +72,7 @@ def pieces_of_many(result: Result) -> Pieces:
     begin, end = jumps["start"].to_numpy(), (jumps["start"] + jumps["duration"]).to_numpy()
     level = (jumps["height_above_bed"] - jumps["height"]).to_numpy()
     own = jumps["grain"].to_numpy()
-    follows = np.zeros(len(own), dtype=bool)  # the flight after an impact says at which height that was
-    follows[:-1] = (own[1:] == own[:-1]) & (np.abs(begin[1:] - end[:-1]) <= 1e-9 * (1.0 + end[:-1]))
+    follows = np.append(own[1:] == own[:-1], False)  # the flight after an impact says at which height that was
     landing = np.append(level[1:], np.nan)
     takeoffs = np.column_stack([own, begin, np.full(len(own), 2.0), level, jumps["takeoff_x"]])
     impacts = np.column_stack([own, end, np.full(len(own), 1.0), landing, jumps["impact_x"]])[follows]
@@ -90,7 +89,8 @@ def pieces_of_many(result: Result) -> Pieces:
     np.minimum.at(since, own, begin)
     np.maximum.at(until, own[follows], end[follows])
     inside = (time >= since[grain.astype(int)]) & (time <= until[grain.astype(int)])
-    flown = (np.diff(grain) == 0) & inside[1:] & inside[:-1] & (kind[1:] != 2.0) & (np.diff(time) > 0.0)
+    flown = (np.diff(grain) == 0) & inside[1:] & inside[:-1] & (kind[1:] != 2.0) & (kind[:-1] != 1.0)
+    flown &= (np.diff(z) != 0.0) | (np.diff(u) != 0.0)  # a grain at rest
     return Pieces(np.minimum(z[1:], z[:-1])[flown], np.maximum(z[1:], z[:-1])[flown], np.diff(u)[flown], np.diff(time)[flown])
 
 
@@ -112,13 +112,21 @@ def levels(result: Result) -> Floats:
     return np.geomspace(pieces.low.min(), HIGHER * pieces.high.max(), LEVELS)
 
 
-def number_of(scene: Scene, taken: float) -> float:
-    """Moving grains per d², if each takes so much momentum (u*²/d) from the whole stream."""
+def moving(result: Result) -> float:
+    """How many grains move, on average: all of a cloud that neither lie at rest nor have left; 1 without one."""
+    if result.scene.cloud is None:
+        return 1.0
+    speed = result.trajectory["u"].to_numpy()
+    return float((np.isfinite(speed) & (speed != 0.0)).sum() / len(speed))
+
+
+def number_of(scene: Scene, taken: float, flying: float) -> float:
+    """Moving grains per d², if each takes so much momentum (u*²/d) from the whole stream; `flying`: how many of a cloud move, on average."""
     coupling, numbers = scene.coupling, scene.numbers
     assert coupling is not None and numbers.stage is not None
     if scene.cloud is not None:
         length, width, _ = scene.box
-        return scene.cloud.number / (length * width)
+        return flying / (length * width)
     if coupling.grains is not None:
         return coupling.grains * numbers.diameter**2
     stress = (1.0 - coupling.excess) * max(0.0, 1.0 - 1.0 / numbers.stage)
@@ -159,7 +167,7 @@ def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result]
             heights = levels(result)
             used = np.zeros(len(heights))
         taken = momentum(result, heights)
-        grains = number_of(scene, float(taken[0]))
+        grains = number_of(scene, float(taken[0]), moving(result))
         if not math.isfinite(grains):
             result.status = "unsettled"
             result.message = "coupling: the grains take no momentum from the stream, which sets their number: give coupling.grains"

@@ -154,7 +154,15 @@ def fly(engine: Engine, report: Callable[[float], None]) -> Result:
         for other in longer:
             other.follow(record, done)
         report(min(1.0, float(grain.flight[0].taken / wanted if wanted else grain.state.control[0].time / engine.end)))
-        if code == stepper.END and longer:
+        if code == layout.REST and scene.rests is not None:
+            if wanted and grain.flight[0].taken >= wanted:
+                code = layout.JUMPS
+                break
+            grain.rest()
+            if grain.state.control[0].time >= engine.end:
+                grain.state.control[0].time, code = engine.end, stepper.END
+                break
+        elif code == stepper.END and longer:
             grain = longer.pop(0).take_over(grain)
         elif code not in (stepper.FULL, layout.CROWDED):
             break
@@ -319,11 +327,15 @@ def fly_part(cloud: Cloud, part: Part, begin: float, end: float, fates: list[Any
     """Fly one part; (code, time reached, grain that stopped it)."""
     slices = max(1, math.ceil((end - begin) * len(cloud.state.clock) / (SLICE * part.interval)))
     code, grain, clock = collisions.UNTIL, 0, begin
+    for lying in cloud.resting(begin):
+        cloud.lie(int(lying), part.samples)
     for k in range(1, slices + 1):
         until = end if k == slices else begin + k * (end - begin) / slices
         for code, grain in cloud.advance(until, part.samples):
             part.empty(cloud.logs)
-            if code in (layout.REST, layout.ALOFT):
+            if code == layout.REST and cloud.engine.scene.rests is not None:
+                cloud.rest(grain, part.samples)
+            elif code in (layout.REST, layout.ALOFT):
                 slides = abs(cloud.speed_of(grain)) > SLIDING
                 fate = "aloft" if code == layout.ALOFT else "creeping" if slides else "at rest"
                 fates.append([cloud.grains.start + grain, float(cloud.state.control[grain].time), fate])

@@ -118,6 +118,28 @@ class Cloud:
             if code not in GOES_ON:
                 return
 
+    def rest(self, grain: int, samples: collisions.Samples) -> None:
+        """Let a grain that has left the run rest and come back to it."""
+        state, row = self.state, slice(grain, grain + 1)
+        own = stepper.State(state.y[grain], state.rate[grain], state.past[grain], state.jump[grain], state.diagonal[grain], state.control[row])
+        self.engine.rest(self.grains.start + grain, own, state.spin[grain], state.flight[grain])
+        state.clock[grain], state.kind[grain] = state.control[grain].time, collisions.FIND_STEP
+        self.lie(grain, samples)
+
+    def resting(self, time: float) -> Any:
+        """The grains that lie at rest at a time."""
+        return np.flatnonzero((self.state.kind == collisions.FIND_STEP) & (self.state.clock > time))
+
+    def lie(self, grain: int, samples: collisions.Samples) -> None:
+        """Samples of a grain at rest, up to when it sets out or as many as there is room for: its place, and no velocity."""
+        state, d = self.state, self.engine.dimensions
+        first = int(samples.first[0])
+        last = min(first + len(samples.values), math.floor(state.clock[grain] / samples.interval) + 1)
+        if state.sample[grain] < last:
+            kept = samples.values[state.sample[grain] - first : last - first, grain]
+            kept[:, :d], kept[:, d:] = state.y[grain, :d], 0.0
+            state.sample[grain] = last
+
     def arrays(self) -> dict[str, Any]:
         """All arrays that change during a run."""
         return self.state._asdict() | {"first_in_cell": self.first_in_cell, "count": self.logs.count}

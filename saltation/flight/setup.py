@@ -15,6 +15,7 @@ from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
 from basset.spectrum import STAYS, Following
+from saltation._random import uniforms
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS, Roughness, faces_downstream
 from saltation.effects import EFFECTS
@@ -179,10 +180,13 @@ class Engine:
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.truncation = stepper.Truncation(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        shortest_hop, patience = layout.SHORTEST_FLIGHT, PATIENCE
+        if scene.rests is not None:  # up to the rise and back by weight alone
+            shortest_hop, patience = max(shortest_hop, 2.0 * math.sqrt(2.0 * scene.rests.rise * numbers.shields / numbers.alpha)), 1.0
         self.limits = layout.Limits(
             scene.longest_flight,
-            layout.SHORTEST_FLIGHT,
-            PATIENCE,
+            shortest_hop,
+            patience,
             float(scene.run.jumps or math.inf),
             int(self.prescribed is not None),
             LEFT * ("wall" in names),
@@ -274,6 +278,25 @@ class Engine:
             states += [start.spin[1]] if d == 2 else list(start.spin)
         return np.array(states, dtype=np.float64)
 
+    def rest(self, grain: int, state: stepper.State, spin: Floats, flight: Any) -> None:
+        """Let a grain of that number rest where it has landed, and take off as at the start of the run; the rest is one of its draws."""
+        d, control = self.dimensions, state.control
+        rests, first = self.scene.rests, self.first()
+        assert rests is not None
+        draw = uniforms(self.scene.run.seed, grain, int(flight.impacts))[0]
+        time = float(control[0].time) - math.log(draw) / (rests.entrainment * self.numbers.time)
+        y = state.y
+        place = (float(y[0]), 0.0 if d == 2 else float(y[1]), float(y[d - 1]))
+        y[:] = self.state_of(Start(place, first.velocity, first.spin))
+        state.past[:] = 0.0
+        state.jump[:] = y[d : d + self.members]
+        control[:] = stepper.start_control(time, max(DEFAULT_FIRST, 2.0 * self.problem.floor), self.members > 0)
+        control[0].refusals = NEVER
+        spin[:] = *first.spin, equations.layer_of(self.model, place[2], first.velocity[2])
+        contact.take_off(flight, time, *place, *first.velocity)
+        flight.impacts += 1
+        flight.short = 0
+
     @property
     def contact_height(self) -> float:
         """Height of a centre in contact with an untilted bed, d."""
@@ -341,6 +364,12 @@ class Grain:
         self.bed = engine.bed_of(grain)
         self.values = np.zeros((engine.tables.count, n))
         self._bound: tuple[tuple[Any, ...], Any] | None = None
+
+    def rest(self) -> None:
+        """Lie where it has landed, and take off anew, without a memory."""
+        self.engine.rest(self.bed.grain, self.state, self.spin, self.flight[0])
+        self.memory.before[:] = 0.0
+        self._bound = None
 
     def fly(self, record: stepper.Record, recording: bool, jumps: Floats) -> tuple[int, int]:
         """Fly until the caller is needed. (code, steps recorded)."""

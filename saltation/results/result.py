@@ -103,6 +103,22 @@ class Result:
         """
         return counted_jumps(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
+    @property
+    def rests(self) -> pd.DataFrame:
+        """The rests of a scene with [rests] that ended within the run, one row each: grain, start and duration (d/u*)."""
+        jumps = self.all_jumps
+        ends = (jumps["start"] + jumps["duration"]).to_numpy()[:-1]
+        lasted = jumps["start"].to_numpy()[1:] - ends
+        lay = (jumps["grain"].to_numpy()[1:] == jumps["grain"].to_numpy()[:-1]) & (lasted > 1e-9 * (1.0 + ends))
+        return pd.DataFrame({"grain": jumps["grain"].to_numpy()[:-1][lay], "start": ends[lay], "duration": lasted[lay]})
+
+    def resting(self) -> float:
+        """Grains at rest per moving one, dimensionless: the time of rests over that of jumps; of many grains from the kept places."""
+        if self.scene.cloud is None:
+            return float(self.rests["duration"].sum() / self.all_jumps["duration"].sum())
+        speed = self.trajectory["u"].to_numpy()
+        return float((speed == 0.0).sum() / np.isfinite(speed[speed != 0.0]).sum())
+
     def summary(self) -> pd.DataFrame:
         """Mean, standard deviation, standard error (block bootstrap over the jumps of a grain in turn) and number.
 

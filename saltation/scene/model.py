@@ -26,7 +26,7 @@ from saltation.grain import Numbers, numbers_of
 from saltation.scene.memory import barred
 from saltation.scene.messages import sentence
 from saltation.scene.presets import ALL, PRESETS, Preset
-from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Coupling, Fluid, Grain, Run, SceneError, Solver, Start
+from saltation.scene.tables import Bed, Channel, Chosen, Cloud, Coupling, Fluid, Grain, Rests, Run, SceneError, Solver, Start
 from saltation.scene.valid import chosen, families
 
 __all__ = ["Scene", "SceneBase", "load", "scene_of", "shipped"]
@@ -110,6 +110,7 @@ class SceneBase(Table):
         json_schema_extra=_words,
     )
     bed: Bed | None = Field(None, description="a table: rebound and roughness; left out where there is no bed")
+    rests: Rests | None = Field(None, description="a table: grains come to rest and are picked up again")
     start: Start = Field(Start(), description="a table: the first takeoff")
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
     run: Run = Field(description="a table: how long, and which random numbers")
@@ -266,6 +267,7 @@ class SceneBase(Table):
             raise ValueError(f"start.spin must be about the y axis alone in two dimensions, got {spin}")
         self._check_numbers()
         self._check_coupling()
+        self._check_rests()
         self._check_duration()
         if "history" in names:
             self._check_history()
@@ -369,6 +371,19 @@ class SceneBase(Table):
                 raise ValueError("coupling.grains is for a single grain: the table [cloud] says how many there are per area")
             if self.cloud is not None and coupling.excess:
                 raise ValueError("coupling.excess is for a single grain: the table [cloud] says how many there are per area")
+
+    def _check_rests(self) -> None:
+        """A grain at rest lies on a bed, sets out again into flights that begin anew, and none lies on it."""
+        if self.rests is None:
+            return
+        if self.bed is None or self.channel is None:
+            raise ValueError(f"rests needs a {'[bed] to lie on' if self.bed is None else '[channel] whose stream picks grains up'}")
+        if "weight" not in self.names or self.numbers.density_ratio <= 1.0:
+            raise ValueError("rests needs grains that sink: 'weight' among the effects, and grain.density above fluid.density")
+        if self.solver.method != "collocation":
+            raise ValueError(f"rests needs solver.method = 'collocation', got {self.solver.method!r}")
+        if "encounters" in self.names:
+            raise ValueError("rests and the effect 'encounters' exclude each other: a grain that sets out would overlap one that flies over it")
 
     def _check_duration(self) -> None:
         """The duration has to fit the steps and the kept positions."""

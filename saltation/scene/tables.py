@@ -12,7 +12,7 @@ from saltation.bed.rebound import REBOUNDS
 from saltation.bed.roughness import READINGS, ROUGHNESS
 from saltation.flow import PROFILES, REGIMES, VON_KARMAN
 
-__all__ = ["Bed", "Channel", "Chosen", "Cloud", "Coupling", "Fluid", "Grain", "Run", "SceneError", "Settled", "Solver", "Start"]
+__all__ = ["Bed", "Channel", "Chosen", "Cloud", "Coupling", "Fluid", "Grain", "Rests", "Run", "SceneError", "Settled", "Solver", "Start"]
 
 
 class SceneError(ValueError):
@@ -121,6 +121,18 @@ class Bed(Table):
             if self.tangential_retention is not None:
                 raise ValueError(f"tangential_retention has no place in rebound = {self.rebound!r}: give friction alone")
         return self
+
+
+class Rests(Table):
+    """Grains that come to rest and are picked up again; leave the table out where they move all the time."""
+
+    entrainment: float = Field(gt=0.0, description="how often a grain at rest is picked up, 1/s: rests are exponential, their mean is 1/entrainment")
+    rise: float = Field(
+        0.05,
+        ge=0.0,
+        le=1.0,
+        description="a hop no longer than one that rises so high by weight alone ends in a rest, d; default from a pocket to the saddle between two grains",
+    )
 
 
 class Start(Table):

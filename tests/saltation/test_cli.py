@@ -396,7 +396,7 @@ def test_the_schema_describes_every_field():
     out = CliRunner().invoke(cli.main, ["schema"])
     schema = json.loads(out.stdout)
     tables = {"scene": schema, **schema["$defs"]}
-    assert len(tables) == 12 + len(EFFECTS)
+    assert len(tables) == 13 + len(EFFECTS)
     for name, table in tables.items():
         assert table["type"] == "object"
         assert table["additionalProperties"] is False
