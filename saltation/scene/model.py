@@ -304,6 +304,8 @@ class SceneBase(Table):
                 decisive["the Shields parameter"] = abs(n.shields)
             if self.channel is not None and self.channel.roughness_height is not None:
                 decisive["roughness_height over diameter"] = self.channel.roughness_height / self.grain.diameter
+            if self.channel is not None and self.channel.depth is not None:
+                decisive["depth over diameter"] = self.channel.depth / self.grain.diameter
         except ArithmeticError:
             decisive = {"a dimensionless number": math.nan}
         for name, value in decisive.items():

@@ -77,6 +77,7 @@ class Channel(Table):
     profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
     roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
     von_karman: float = Field(VON_KARMAN, ge=1e-3, lt=1.0, description="κ, dimensionless")
+    depth: float | None = Field(None, gt=0.0, description="h of the water above the bed level, m")
 
     @model_validator(mode="after")
     def _one_velocity(self) -> Channel:

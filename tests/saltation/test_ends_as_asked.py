@@ -172,6 +172,8 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     ({"run": {"longest_flight": 5e-324}}, ("run.longest_flight", "1e-09")),
     ({"added_mass": {"coefficient": 1e300}}, ("added_mass.coefficient", "1e+06")),
     ({"channel": {"von_karman": 5e-324}}, ("channel.von_karman", "0.001")),
+    ({"channel": {"depth": 0.0}}, ("channel.depth", "greater than 0")),
+    ({"channel": {"depth": 1e300}}, ("depth over diameter", "units")),
     ({"bed": {"rebound": ["tsuji"]}}, ("bed.rebound", "'tsuji'")),
     ({"history": {"scheme": ["daitche"]}}, ("history.scheme", "'daitche'")),
     (FINE | {"run": {"jumps": None, "discard": 0, "duration": 1.0}}, ("run.duration", "solver.dt")),
