@@ -208,7 +208,8 @@ class CountingMath:
 
 def operations_of_rates(engine: Engine) -> int:
     """Floating-point operations of one evaluation of the rates, at the state after a takeoff."""
-    y, out, own = [Counted(value) for value in engine.state_of(engine.first())], [0.0] * engine.states, [0.0] * 4
+    own = engine.own_of((0.0, 0.0, 0.0), 0)
+    y, out = [Counted(value) for value in engine.state_of(engine.first(), own)], [0.0] * engine.states
     modules = [module for name, module in sys.modules.items() if name.startswith("saltation") and getattr(module, "math", None) is math]
     Counted.done = 0
     with contextlib.ExitStack() as stack:

@@ -34,10 +34,14 @@ class Situation(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What `build` may use: the scene's numbers and its stream (in flights its table)."""
+    """What `build` may use: the scene's numbers and its stream (in flights its table), depth of the water and roughness (d), κ, and the seed of its draws."""
 
     numbers: Numbers
     profile: Any
+    depth: float = math.inf
+    roughness: float = 1.0
+    kappa: float = 0.41
+    seed: int = 0
 
 
 class Force(Protocol):

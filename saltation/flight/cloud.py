@@ -15,7 +15,6 @@ from basset.solvers import stepper
 from saltation.flight import collisions, contact, equations, layout
 from saltation.flight.collisions import UNTIL, empty_grains
 from saltation.flight.setup import DEFAULT_FIRST, NEVER, Engine, Grain, Start, empty_record
-from saltation.flow import velocity_and_shear
 from saltation.scene import SceneError
 
 SMALLEST_CELL = 2.0  # d
@@ -62,11 +61,11 @@ class Cloud:
         scene, d, members = engine.scene, engine.dimensions, engine.members
         self.grains = range(scene.grains.number) if grains is None else grains
         number, stages = len(self.grains), engine.tables.count
-        self.state = empty_grains(number, engine.states, members, len(engine.rates), stages)
+        self.state = empty_grains(number, engine.states, members, len(engine.rates), stages, engine.own)
         state = self.state
         for i, (position, velocity, spin) in enumerate(zip(*(values[self.grains.start : self.grains.stop] for values in starts(engine)), strict=True)):
-            state.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)))
-            state.spin[i, :3] = spin
+            state.spin[i] = engine.own_of(spin, self.grains.start + i)
+            state.y[i] = engine.state_of(Start(tuple(position), tuple(velocity), tuple(spin)), state.spin[i])
             contact.take_off(state.flight[i], 0.0, *position, *velocity)
         state.jump[:] = state.y[:, d : d + members]
         state.control[:] = stepper.start_control(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
@@ -148,4 +147,4 @@ class Cloud:
         """Speed of a grain along the stream, V."""
         d = self.engine.dimensions
         y = self.state.y[grain]
-        return float(y[d] + velocity_and_shear(self.engine.profile, y[d - 1])[0])
+        return float(y[d] + equations.stream_of(self.engine.model, y, self.state.spin[grain])[0])

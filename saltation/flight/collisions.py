@@ -28,7 +28,6 @@ from basset.solvers.events import all_at
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
 STEP_END, IMPACT, ENCOUNTER, FIND_STEP, FIND_ENCOUNTER, GONE, KINK = range(7)  # kinds of a grain's next event
@@ -220,21 +219,13 @@ def nearest(difference: float, period: float) -> float:
 
 
 @shared
-def velocity_of(model: layout.Model, y: Floats) -> Triple:
-    """Velocity that belongs to some states."""
-    if model.dimensions == 2:
-        return y[2] + velocity_and_shear(model.profile, y[1])[0], 0.0, y[3]
-    return y[3] + velocity_and_shear(model.profile, y[2])[0], y[4], y[5]
-
-
-@shared
-def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: Floats) -> None:
+def begin_with(model: layout.Model, singular: int, h: float, y: Floats, states: Floats, own: Any) -> None:
     """Let the positions of a step begin with the velocity of its states, their ends staying as they are.
 
     A singular step's positions are c₁√θ + …, c₁ of the size of its error: a pair would start at an infinite velocity.
     """
     d = model.dimensions
-    start = velocity_of(model, y)
+    start = equations.velocity_of(model, y, own)
     for a in range(d):
         speed = start[0] if a == 0 else start[2] if a == d - 1 else start[1]
         slope, curve, sign = 0.0, 0.0, 1.0
@@ -258,7 +249,7 @@ def polynomial_of(parts: Parts, domain: Domain | None, grains: Grains, grain: in
     singular, h = int(control.singular), control.step
     stepper.fit_polynomial(parts.steps.flight.parts.nodes, singular, h, grains.values[grain], states)
     if domain is not None:
-        begin_with(parts.steps.flight.model, singular, h, grains.y[grain], states)
+        begin_with(parts.steps.flight.model, singular, h, grains.y[grain], states, grains.spin[grain])
 
 
 @shared
@@ -643,7 +634,10 @@ def write_samples(model: layout.Model, grains: Grains, samples: Samples, i: int,
         kept = samples.values[grains.sample[i] - samples.first[0], i]
         for a in range(2 * d):
             kept[a] = row[a]
-        kept[d] += velocity_and_shear(model.profile, kept[d - 1])[0]
+        u, v, w = equations.velocity_of(model, row, grains.spin[i])
+        kept[d], kept[2 * d - 1] = u, w
+        if model.dimensions == 3:
+            kept[d + 1] = v
         grains.sample[i] += 1
 
 
@@ -653,7 +647,7 @@ def truncate_at(parts: Parts, grains: Grains, samples: Samples, i: int, now: flo
     g, p = parts.steps.flight, parts.steps.flight.parts
     control, signal, polynomial = p.state.control[0], p.work.signal, p.work.polynomial
     write_samples(g.model, grains, samples, i, polynomial, now, p.work.before)
-    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(control.singular), control.step, theta, g.account[0])
+    contact.record_top_and_turning(g.model, polynomial, p.state.y, int(control.singular), control.step, theta, g.account[0], p.equation.own)
     call(parts.steps.truncate, theta, signal, 0, signal, 0, signal)
     control.time = now
 
@@ -667,10 +661,10 @@ def take_step(parts: Parts, grains: Grains, samples: Samples, logs: Logs, i: int
     if grains.own[i] == STEP_END:
         singular, h = int(control.singular), control.step
         write_samples(model, grains, samples, i, p.work.polynomial, now, p.work.before)
-        contact.record_top_and_turning(model, p.work.polynomial, state.y, singular, h, 1.0, g.account[0])
+        contact.record_top_and_turning(model, p.work.polynomial, state.y, singular, h, 1.0, g.account[0], p.equation.own)
         call(parts.steps.accept, 0.0, signal, 0, signal, 0, signal)
         if h <= 2.0 * p.problem.floor:
-            p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], state.y[2 * model.dimensions - 1])
+            p.equation.own[3] = equations.layer_of(model, state.y[model.dimensions - 1], equations.rise_of(model, state.y, p.equation.own))
         return ACCEPTED
     truncate_at(parts, grains, samples, i, now, grains.share[i])
     if grains.own[i] == KINK:
@@ -694,7 +688,7 @@ def collide(parts: Parts, domain: Domain, grains: Grains, i: int, j: int, time: 
     y = 0.0 if model.dimensions == 2 else nearest(second[1] - first[1], domain.width)
     distance = math.sqrt(x * x + y * y + z * z)
     nx, ny, nz = x / distance, y / distance, z / distance
-    stream_one, stream_two = velocity_and_shear(model.profile, first[d - 1])[0], velocity_and_shear(model.profile, second[d - 1])[0]
+    stream_one, stream_two = equations.stream_of(model, first, grains.spin[i]), equations.stream_of(model, second, grains.spin[j])
     velocity = row.velocity
     u, v = (velocity[0, 0], velocity[0, 1], velocity[0, 2]), (velocity[1, 0], velocity[1, 1], velocity[1, 2])
     spin_one, spin_two = contact.spin_of(model, first, grains.spin[i]), contact.spin_of(model, second, grains.spin[j])
@@ -847,10 +841,10 @@ def _make_flush(digest: str) -> Callable[..., Any]:
 flush = compiled(_make_flush, allocates=False)
 
 
-def empty_grains(number: int, states: int, members: int, terms: int, stages: int) -> Grains:
+def empty_grains(number: int, states: int, members: int, terms: int, stages: int, own: int) -> Grains:
     """Room for so many grains, without a step yet."""
     shapes: dict[str, tuple[int, ...]] = {
-        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "spin": (4,),
+        "y": (states,), "rate": (states,), "past": (members, terms), "jump": (members,), "spin": (own,),
         "values": (stages, states), "diagonal": (1, states), "share": (),
         "clock": (), "counting_since": (),
     }  # fmt: skip

@@ -12,8 +12,8 @@ from basset.solvers.stepper import Problem, State, at, restart
 from saltation._random import Draws
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import contact_plane
+from saltation.flight.equations import rise_at, rise_of, stream_at
 from saltation.flight.layout import NOTHING, RESET, RESTART, Bed, Memory, Model
-from saltation.flow import velocity_and_shear
 from saltation.grain import Triple
 
 
@@ -27,48 +27,66 @@ rebound_entry = entry(rebound_into)
 
 
 @shared
-def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws) -> float:
+def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta: float, draws: Draws, own: Any) -> float:
     """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
     d = model.dimensions
     z = at(polynomial, y, kind, theta, d - 1)
+    clock = drift = 0.0
+    if model.eddies is not None:
+        first = 2 * d + model.spins
+        clock, drift = at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
     w = at(polynomial, y, kind, theta, 2 * d - 1)
+    if model.eddies is None and z >= bed.highest:
+        return max(z - bed.highest, w) + 1e-300
+    stream = stream_at(model, z, clock, drift, own)
+    w += stream[2]
     if z >= bed.highest:
         return max(z - bed.highest, w) + 1e-300
-    u = at(polynomial, y, kind, theta, d) + velocity_and_shear(model.profile, z)[0]
-    v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1)
+    u = at(polynomial, y, kind, theta, d) + stream[0]
+    v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1) + stream[1]
     plane = contact_plane(bed.roughness, u, v, w, draws)
     return max(z - plane[1], w)
 
 
 @shared
-def first_contact(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, fresh: bool) -> float:
+def first_contact(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, fresh: bool, own: Any) -> float:
     """θ of the first contact in the step, 2 if there is none. `fresh`: the step starts at a takeoff."""
     places = 2 * len(polynomial) + 1
-    low, value_low = 0.0, 1.0 if fresh else gap(model, bed, polynomial, y, kind, 0.0, draws)
+    low, value_low = 0.0, 1.0 if fresh else gap(model, bed, polynomial, y, kind, 0.0, draws, own)
     if value_low <= 0.0:
         return 0.0
     for i in range(1, places + 1):
         high = i / places
         if kind == 1:
             high *= high
-        value = gap(model, bed, polynomial, y, kind, high, draws)
+        value = gap(model, bed, polynomial, y, kind, high, draws, own)
         if value <= 0.0:
             if fresh and i == 1:  # the flight is shorter than this: go back to where it is above the bed
                 low = high
                 value_low = value
                 while value_low <= 0.0 and low > 1e-15:
                     low *= 0.25
-                    value_low = gap(model, bed, polynomial, y, kind, low, draws)
+                    value_low = gap(model, bed, polynomial, y, kind, low, draws, own)
                 if value_low <= 0.0:
                     return 0.0
-            return root_of_gap(model, bed, polynomial, y, kind, draws, low, value_low, high, value)
+            return root_of_gap(model, bed, polynomial, y, kind, draws, own, low, value_low, high, value)
         low, value_low = high, value
     return 2.0
 
 
 @shared
 def root_of_gap(
-    model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, draws: Draws, low: float, value_low: float, high: float, value_high: float
+    model: Model,
+    bed: Bed,
+    polynomial: Floats,
+    y: Floats,
+    kind: int,
+    draws: Draws,
+    own: Any,
+    low: float,
+    value_low: float,
+    high: float,
+    value_high: float,
 ) -> float:
     """The contact between `low` (apart) and `high` (touching)."""
     side = 0
@@ -78,7 +96,7 @@ def root_of_gap(
         guess = between(i, low, value_low, high, value_high)
         if guess == low:
             break
-        value = gap(model, bed, polynomial, y, kind, guess, draws)
+        value = gap(model, bed, polynomial, y, kind, guess, draws, own)
         low, value_low, high, value_high, side = narrowed(low, value_low, high, value_high, side, guess, value)
         if value == 0.0:
             break
@@ -86,17 +104,17 @@ def root_of_gap(
 
 
 @shared
-def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Any) -> None:
+def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: int, h: float, theta: float, flight: Any, own: Any) -> None:
     """Keep the highest point and the turning of the flight up to θ of the step."""
     d = model.dimensions
-    before, after = y[2 * d - 1], at(polynomial, y, kind, theta, 2 * d - 1)
+    before, after = rise_of(model, y, own), rise_at(model, polynomial, y, kind, theta, own)
     if before > 0.0 >= after:
         low, high = 0.0, theta
         for _ in range(60):
             middle = 0.5 * (low + high)
             if not low < middle < high:
                 break
-            if at(polynomial, y, kind, middle, 2 * d - 1) > 0.0:
+            if rise_at(model, polynomial, y, kind, middle, own) > 0.0:
                 low = middle
             else:
                 high = middle
@@ -167,28 +185,31 @@ def set_spin(model: Model, s: Floats, spin: Floats, ox: float, oy: float, oz: fl
 
 
 @shared
-def apply_rebound(model: Model, memory: Memory, problem: Problem, state: State, stream: float, u: float, v: float, w: float) -> None:
+def apply_rebound(model: Model, memory: Memory, problem: Problem, state: State, stream: Triple, u: float, v: float, w: float) -> None:
     """Set the velocity after a contact, with the scene's treatment of the history force; steps start small."""
     d = model.dimensions
     s, control = state.y, state.control[0]
+    u -= stream[0]
+    if model.eddies is not None:
+        v, w = v - stream[1], w - stream[2]
     if len(problem.where) > 0:
         if memory.rebound in (RESTART, RESET):
             past = state.past
             for a in range(past.shape[0]):
                 for q in range(past.shape[1]):
                     past[a, q] = 0.0
-            state.jump[0], state.jump[d - 1] = u - stream, w
+            state.jump[0], state.jump[d - 1] = u, w
             if model.dimensions == 3:
                 state.jump[1] = v
         else:  # added to a jump that no step has used yet
-            state.jump[0] += u - stream - s[d]
+            state.jump[0] += u - s[d]
             state.jump[d - 1] += w - s[2 * d - 1]
             if model.dimensions == 3:
                 state.jump[1] += v - s[d + 1]
         if memory.rebound in (RESET, NOTHING):
             for a in range(len(state.jump)):
                 state.jump[a] = 0.0
-    s[d], s[2 * d - 1] = u - stream, w
+    s[d], s[2 * d - 1] = u, w
     if model.dimensions == 3:
         s[d + 1] = v
     restart(problem, control, control.first_step)

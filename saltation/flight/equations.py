@@ -1,7 +1,7 @@
 """The equation of motion of a grain, and the kinks of the stream it moves in.
 
-States y are x, [y,] z, slip u − u_f in the same directions, and the spin where it is integrated (ω_y in the plane, all
-three in space); effects that a scene does not name add no state. Slips, not velocities, because they are what the history acts on;
+States y are x, [y,] z, slip u − u_f in the same directions, the spin where it is integrated (ω_y in the plane, all
+three in space), and of a turbulent stream the eddies' clock, drift and its rate; effects that a scene does not name add no state. Slips, not velocities, because they are what the history acts on;
 at an impact both jump alike. Up to a level at which the stream, or the lift by it, has a kink a step sees the stream continued smoothly.
 """
 
@@ -16,14 +16,16 @@ from basset.kernels import Floats
 from basset.solvers import stepper
 from basset.solvers.stepper import at, restart
 from saltation.effects.base import Situation, force, torque, total_force
+from saltation.effects.turbulence import fluctuation, motion
 from saltation.flight.layout import Model
-from saltation.flow import continued
+from saltation.flow import continued, velocity_and_shear
+from saltation.grain import Triple
 
 BESIDE = 1e-9  # d: a grain this near to a kink is at it
 
 
 class Equation(NamedTuple):
-    """What moves the grain: α, the stream, the height where it begins (d), forces, torque; `across` and `turning` are None where there is no such state.
+    """What moves the grain: α, the stream, the height where it begins (d), forces, torque; `across`, `turning`, `eddies` are None where there is no such state.
 
     Its type says which effects there are: a new one compiles `rates_of` and nothing that steps.
     """
@@ -35,6 +37,59 @@ class Equation(NamedTuple):
     torque: Any
     across: Any
     turning: Any
+    eddies: Any = None
+
+
+@shared
+def stream_at(model: Model, z: float, clock: float, drift: float, own: Any) -> Triple:
+    """Velocity of the fluid at a height, V; clock and drift of its eddies count where there are any."""
+    u = velocity_and_shear(model.profile, z)[0]
+    beside = fluctuation(model.eddies, z, clock, drift, own)
+    if model.eddies is None:
+        return u, 0.0, 0.0
+    return u + beside[0], beside[1], beside[2]
+
+
+@shared
+def stream_of(model: Model, y: Any, own: Any) -> Triple:
+    """Velocity of the fluid around a grain in the states y, V."""
+    d, clock, drift = model.dimensions, 0.0, 0.0
+    if model.eddies is not None:
+        first = 2 * d + model.spins
+        clock, drift = y[first], y[first + 1]
+    return stream_at(model, y[d - 1], clock, drift, own)
+
+
+@shared
+def velocity_of(model: Model, y: Any, own: Any) -> Triple:
+    """Velocity of a grain in the states y, V."""
+    d = model.dimensions
+    stream = stream_of(model, y, own)
+    u, v, w = y[d] + stream[0], 0.0 if model.dimensions == 2 else y[d + 1], y[2 * d - 1]
+    if model.eddies is None:
+        return u, v, w
+    return u, v + stream[1], w + stream[2]
+
+
+@shared
+def rise_of(model: Model, y: Any, own: Any) -> float:
+    """How fast a grain in the states y rises, V."""
+    w: float = y[2 * model.dimensions - 1]
+    if model.eddies is None:
+        return w
+    return w + stream_of(model, y, own)[2]
+
+
+@shared
+def rise_at(model: Model, polynomial: Floats, y: Floats, kind: int, theta: float, own: Any) -> float:
+    """How fast a grain rises at θ of a step, V."""
+    d = model.dimensions
+    w = at(polynomial, y, kind, theta, 2 * d - 1)
+    if model.eddies is None:
+        return w
+    first = 2 * d + model.spins
+    z, clock, drift = at(polynomial, y, kind, theta, d - 1), at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
+    return w + stream_at(model, z, clock, drift, own)[2]
 
 
 @shared
@@ -45,7 +100,9 @@ def layer_of(model: Model, z: float, w: float) -> float:
 
 
 def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
-    """Rates without history of the states y, into `out`; `own`: the spin of a grain whose spin is no state, and the layer between two kinks."""
+    """Rates without history of the states y, into `out`; `own`: the spin of a grain whose spin is no state, the layer between two kinks, and
+    of a turbulent stream which grain it is, and room for its eddies.
+    """
     if equation.across is None:
         z, sx, sy, sz = y[1], y[2], 0.0, y[3]
     else:
@@ -72,16 +129,38 @@ def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
             out[4] = ty
         else:
             out[6], out[7], out[8] = tx, ty, tz
+    if equation.eddies is not None:
+        first = 4 if equation.across is None else 6
+        if equation.turning is not None:
+            first += 1 if equation.across is None else 3
+        m = motion(equation.eddies, z, y[first], y[first + 1], y[first + 2], (sx, sy, sz), shear, own)
+        (u, v, w), (ax, ay, az), (fx, fy, fz) = m.velocity, m.rate, m.acceleration
+        if equation.across is None:
+            out[0], out[1] = out[0] + u, out[1] + w
+            out[2], out[3] = out[2] - shear * w + equation.alpha * fx - ax, out[3] + equation.alpha * fz - az
+        else:
+            out[0], out[1], out[2] = out[0] + u, out[1] + v, out[2] + w
+            out[3], out[4], out[5] = out[3] - shear * w + equation.alpha * fx - ax, out[4] + equation.alpha * fy - ay, out[5] + equation.alpha * fz - az
+        out[first], out[first + 1], out[first + 2] = m.clock, m.drift, m.bend
 
 
 rates_entry = entry(rates_of)
 
 
 @shared
-def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float, states: Floats) -> float:
+def motion_of(model: Model, y: Any, own: Any) -> Any:
+    """What the eddies do around a grain in the states y."""
+    d, first = model.dimensions, 2 * model.dimensions + model.spins
+    slip = y[d], 0.0 if model.dimensions == 2 else y[d + 1], y[2 * d - 1]
+    shear = velocity_and_shear(model.profile, y[d - 1])[1]
+    return motion(model.eddies, y[d - 1], y[first], y[first + 1], y[first + 2], slip, shear, own)
+
+
+@shared
+def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, own: Any, states: Floats) -> float:
     """θ at which the step leaves its layer between two kinks, 2 if it does not; `states` at its stages, the end among them."""
     d = model.dimensions
-    k = int(layer)
+    k = int(own[3])
     low = model.kinks[k - 1] if k > 0 else -math.inf
     high = model.kinks[k] if k < 3 else math.inf
     least = most = y[d - 1]
@@ -91,18 +170,18 @@ def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float
     if least - reach >= low and most + reach <= high:
         return 2.0
     places = 2 * len(polynomial) + 1
-    before, earlier = 0.0, y[2 * d - 1]
+    before, earlier = 0.0, rise_of(model, y, own)
     for i in range(1, places + 1):
         after = i / places
         if kind == 1:
             after *= after
-        later = at(polynomial, y, kind, after, 2 * d - 1)
+        later = rise_at(model, polynomial, y, kind, after, own)
         for trial in range(2):  # where it turns, and at the end
             place = after
             if trial == 0:
                 if earlier * later >= 0.0:
                     continue
-                place = root_of(polynomial, y, kind, 2 * d - 1, 0.0, earlier > 0.0, before, after)
+                place = turn_of(model, polynomial, y, kind, own, earlier > 0.0, before, after)
             z = at(polynomial, y, kind, place, d - 1)
             if z < low:
                 return root_of(polynomial, y, kind, d - 1, low, True, before, place)
@@ -110,6 +189,21 @@ def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, layer: float
                 return root_of(polynomial, y, kind, d - 1, high, False, before, place)
         before, earlier = after, later
     return 2.0
+
+
+@shared
+def turn_of(model: Model, polynomial: Floats, y: Floats, kind: int, own: Any, falls: bool, low: float, high: float) -> float:
+    """The first θ found at which a grain has turned, from rising to falling or the other way, by bisection."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        value = rise_at(model, polynomial, y, kind, middle, own)
+        if value < 0.0 if falls else value > 0.0:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 @shared
@@ -172,3 +266,18 @@ def _make_budget(digest: str) -> Callable[..., Any]:
 
 
 budget = compiled(_make_budget)
+
+
+def _make_beside(digest: str) -> Callable[..., Any]:
+    def beside(model: Model, states: Floats, own: Floats, out: Floats) -> None:
+        """Fluctuation, its rate along the path and the fluid's acceleration (x, y, z each) at states (points, states) into `out` (points, 9)."""
+        digest  # noqa: B018 - part of the cache key
+        for i in range(len(states)):
+            m = motion_of(model, states[i], own)
+            for k in range(3):
+                out[i, k], out[i, 3 + k], out[i, 6 + k] = m.velocity[k], m.rate[k], m.acceleration[k]
+
+    return beside
+
+
+beside = compiled(_make_beside, allocates=False)

@@ -45,7 +45,7 @@ class Model(NamedTuple):
     """An equation as the loop sees it: its rates, to be called; the stream's table; dimensions (2, 3), states of the spin (0, 1, 3).
 
     `kinks` (d, rising): heights of the centre at which rates have a kink: the stream begins at the lower lift point, the centre, the
-    upper lift point; without lift, three times at the centre.
+    upper lift point; without lift, three times at the centre. `eddies`: what moves the fluid beside the mean stream, None where nothing does.
     """
 
     rates: Any
@@ -53,6 +53,7 @@ class Model(NamedTuple):
     kinks: tuple[float, float, float]
     dimensions: int
     spins: int
+    eddies: Any = None
 
 
 class Bed(NamedTuple):

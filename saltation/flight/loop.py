@@ -16,9 +16,8 @@ from basset.solvers.stepper import ACCEPTED, FULL, at, fit_polynomial, keep
 from saltation._random import uniforms
 from saltation.bed.roughness import contact_plane
 from saltation.flight.contact import apply_rebound, drop_oldest_impact, first_contact, record_top_and_turning, set_spin, spin_of, take_off
-from saltation.flight.equations import cross_kink, layer_of, leaving
+from saltation.flight.equations import cross_kink, layer_of, leaving, motion_of, rise_at, rise_of, stream_of, velocity_of
 from saltation.flight.layout import ALOFT, CROWDED, HORIZON, JUMPS, REST, Bed, Limits, Memory, Model
-from saltation.flow import velocity_and_shear
 
 SHORTEST = 0.01  # smallest factor of the tolerance
 UNMOVED = 4.0 * 2.0**-52  # of a height
@@ -49,8 +48,10 @@ def set_tolerance(g: Flight, likely: float) -> None:
     work.here[0, d - 1] += g.limits.above
     call(p.equation.fun, p.state.control[0].time, work.here, 0, work.out, 0, p.equation.own)
     fall = -work.out[0, 2 * d - 1]
+    if g.model.eddies is not None:
+        fall -= motion_of(g.model, y, p.equation.own).rate[2]
     if fall > 0.0:
-        likely = min(likely, 2.0 * max(0.0, y[2 * d - 1]) / fall)
+        likely = min(likely, 2.0 * max(0.0, rise_of(g.model, y, p.equation.own)) / fall)
     likely = min(1.0, likely)
     p.state.control[0].tolerance_factor = max(SHORTEST, likely * (0.4 + 0.6 * likely))  # smaller where short: errors of so few steps do not average out
 
@@ -66,9 +67,8 @@ def landed(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     s, control = state.y, state.control[0]
     x, z = s[0], s[d - 1]
     across = 0.0 if model.dimensions == 2 else s[1]
-    stream = velocity_and_shear(model.profile, z)[0]
-    u, w = s[d] + stream, s[2 * d - 1]
-    v = 0.0 if model.dimensions == 2 else s[d + 1]
+    stream = stream_of(model, s, spin)
+    u, v, w = velocity_of(model, s, spin)
     ox, oy, oz = spin_of(model, s, spin)
     duration = control.time - flight.start
     u_in, v_in, w_in, before = u, v, w, (ox, oy, oz)
@@ -132,11 +132,11 @@ def looked(g: Flight, t: float, y: Any, out: Any, own: Any) -> None:
     if near:
         draws = uniforms(bed.seed, int(t), account.impacts)
         fresh = state.control[0].time == account.start
-        out[0] = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh)
-        if fresh and out[0] * state.control[0].step * abs(state.y[2 * d - 1]) <= UNMOVED * abs(state.y[d - 1]):
+        out[0] = first_contact(model, bed, work.polynomial, state.y, kind, draws, fresh, p.equation.own)
+        if fresh and out[0] * state.control[0].step * abs(rise_of(model, state.y, p.equation.own)) <= UNMOVED * abs(state.y[d - 1]):
             out[0] = 0.0  # what moves the grain by no more than rounding is no flight
     if state.control[0].step > 2.0 * p.problem.floor:
-        out[1] = leaving(model, work.polynomial, state.y, kind, p.equation.own[3], work.states)
+        out[1] = leaving(model, work.polynomial, state.y, kind, p.equation.own, work.states)
 
 
 look_entry = entry(looked, "some 3 s")
@@ -179,12 +179,12 @@ def flown(given: Steps, t: float, y: Any, out: Any, own: Any) -> None:
     call(given.look, float(g.bed.grain), signal, 0, signal, 0, p.equation.own)
     contact, kink = signal[0, 0], signal[0, 1]
     theta = min(contact, kink)
-    record_top_and_turning(model, p.work.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account[0])
+    record_top_and_turning(model, p.work.polynomial, p.state.y, kind, h, min(theta, 1.0), g.account[0], p.equation.own)
     out[0], out[1] = ACCEPTED, 0.0
     if theta > 1.0:
         if h <= 2.0 * p.problem.floor:
             d = model.dimensions
-            z, w = at(p.work.polynomial, p.state.y, kind, 1.0, d - 1), at(p.work.polynomial, p.state.y, kind, 1.0, 2 * d - 1)
+            z, w = at(p.work.polynomial, p.state.y, kind, 1.0, d - 1), rise_at(model, p.work.polynomial, p.state.y, kind, 1.0, p.equation.own)
             p.equation.own[3] = layer_of(model, z, w)
         return
     keep(p, given.record, int(t), theta)

@@ -18,12 +18,12 @@ from basset.spectrum import STAYS, Following
 from saltation._random import uniforms
 from saltation.bed.rebound import GarciaNino, Restitution, SlidingOnly, Tsuji, TsujiPrinted
 from saltation.bed.roughness import READINGS, ROUGHNESS, Roughness, faces_downstream
-from saltation.effects import EFFECTS
-from saltation.effects.base import NoTorque, Setting
+from saltation.effects import EFFECTS, turbulence
+from saltation.effects.base import NoTorque
 from saltation.effects.history import KERNELS
 from saltation.effects.rotation import prescribed_spin
 from saltation.flight import contact, equations, layout, loop
-from saltation.flow import Still, tabulated, velocity_and_shear
+from saltation.flow import Still, tabulated
 from saltation.scene import Bed, Scene
 
 SPAN = 16.0  # d/V: the longest step of a flight from a bed; longer where flights may last longer or have no end
@@ -140,19 +140,22 @@ class Engine:
         self.scene, self.numbers = scene, numbers
         self._kept: list[Any] = []  # what addresses point to
         self.profile = scene.profile if isinstance(scene.profile, Still) else tabulated(scene.profile)
-        setting = Setting(numbers, self.profile)
+        setting = scene.setting(self.profile)
         built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
         self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
         forces = tuple(built[name] for name in self.force_names)
         self.rotation = built.get("rotation")
+        self.eddies = built.get("turbulence")
         floor = -math.inf if isinstance(scene.profile, Still) else scene.profile.floor
         kinks = (floor - 0.5, floor, floor + 0.5) if "lift" in names else (floor, floor, floor)
         self.dimensions = 2 if scene.in_plane else 3
         across, turning = None if scene.in_plane else 1.0, None if self.rotation is None else 1.0
         torque = NoTorque(0.0) if self.rotation is None else self.rotation
-        self.equation = equations.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning)
+        self.equation = equations.Equation(numbers.alpha, self.profile, floor, forces, torque, across, turning, self.eddies)
         self.kinks, self.spins = kinks, 0 if self.rotation is None else 1 if scene.in_plane else 3
-        self.states = 2 * self.dimensions + self.spins
+        self.states, self.own = 2 * self.dimensions + self.spins, 4
+        if self.eddies is not None:
+            self.states, self.own = self.states + turbulence.STATES, turbulence.OWN + turbulence.SLOTS * turbulence.SLOT
         self.members = self.dimensions if "history" in names else 0
         self.prescribed = None
         if "rotation" in names and scene.options("rotation").law == "prescribed":
@@ -197,7 +200,7 @@ class Engine:
         """The equation for the loop; the first of its kind is compiled."""
         rates, data = equations.rates_entry(self.equation)
         self._kept.append(data)
-        return layout.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins)
+        return layout.Model(rates, tabulated(self.scene.profile), self.kinks, self.dimensions, self.spins, self.eddies)
 
     @cached_property
     def bed(self) -> layout.Bed | None:
@@ -269,13 +272,18 @@ class Engine:
             spin = (0.0, self.prescribed, 0.0)
         return Start((0.0, 0.0, height), velocity, spin)
 
-    def state_of(self, start: Start) -> Floats:
-        """The states of a grain that starts so."""
+    def state_of(self, start: Start, own: Floats, clock: float = turbulence.BEGINS) -> Floats:
+        """The states of a grain that starts so, at that time of its eddies."""
         d, (x, across, z), (u, v, w) = self.dimensions, start.position, start.velocity
-        slip = u - velocity_and_shear(self.profile, z)[0]
+        stream = equations.stream_at(self.model, z, clock, 0.0, own)
+        slip = u - stream[0]
+        if self.eddies is not None:
+            v, w = v - stream[1], w - stream[2]
         states = [x, z, slip, w] if d == 2 else [x, across, z, slip, v, w]
         if self.rotation is not None:
             states += [start.spin[1]] if d == 2 else list(start.spin)
+        if self.eddies is not None:
+            states += [clock, 0.0, 0.0]
         return np.array(states, dtype=np.float64)
 
     def rest(self, grain: int, state: stepper.State, spin: Floats, flight: Any) -> None:
@@ -284,18 +292,32 @@ class Engine:
         rests, first = self.scene.rests, self.first()
         assert rests is not None
         draw = uniforms(self.scene.run.seed, grain, int(flight.impacts))[0]
-        time = float(control[0].time) - math.log(draw) / (rests.entrainment * self.numbers.time)
-        y = state.y
+        lasting = -math.log(draw) / (rests.entrainment * self.numbers.time)
+        time, y = float(control[0].time) + lasting, state.y
         place = (float(y[0]), 0.0 if d == 2 else float(y[1]), float(y[d - 1]))
-        y[:] = self.state_of(Start(place, first.velocity, first.spin))
+        clock = turbulence.BEGINS if self.eddies is None else float(y[-turbulence.STATES]) + lasting * self.eddies_pass(place[2])
+        y[:] = self.state_of(Start(place, first.velocity, first.spin), spin, clock)
         state.past[:] = 0.0
         state.jump[:] = y[d : d + self.members]
         control[:] = stepper.start_control(time, max(DEFAULT_FIRST, 2.0 * self.problem.floor), self.members > 0)
         control[0].refusals = NEVER
-        spin[:] = *first.spin, equations.layer_of(self.model, place[2], first.velocity[2])
+        spin[:4] = *first.spin, equations.layer_of(self.model, place[2], first.velocity[2])
         contact.take_off(flight, time, *place, *first.velocity)
         flight.impacts += 1
         flight.short = 0
+
+    def eddies_pass(self, z: float) -> float:
+        """How many time scales of the eddies at a height pass in d/u*: 1/T_L."""
+        options = self.scene.options("turbulence")
+        return 1.0 / float(turbulence.profiles_of(options, self.scene.setting(self.profile), z).time)
+
+    def own_of(self, spin: Any, grain: int) -> Floats:
+        """What a grain has besides its states: its spin, its layer, and in a turbulent stream which grain it is and room for its eddies."""
+        own = np.zeros(self.own)
+        own[:3] = spin
+        if self.eddies is not None:
+            own[turbulence.OWN - 1] = grain
+        return own
 
     @property
     def contact_height(self) -> float:
@@ -350,12 +372,13 @@ class Grain:
         self.engine = engine
         n, members, d, terms = engine.states, engine.members, engine.dimensions, len(engine.rates)
         first = engine.first() if start is None else start
-        y = engine.state_of(first)
+        self.spin = engine.own_of(first.spin, grain)
+        y = engine.state_of(first, self.spin)
         control = stepper.start_control(0.0, max(DEFAULT_FIRST, 2.0 * engine.problem.floor), members > 0)
         control[0].refusals = NEVER
         jump = y[d : d + members].copy()
         self.state = stepper.State(y, np.zeros(n), np.zeros((members, terms)), jump, np.zeros((1, n)), control)
-        self.spin = np.array([*first.spin, equations.layer_of(engine.model, first.position[2], first.velocity[2])])
+        self.spin[3] = equations.layer_of(engine.model, first.position[2], first.velocity[2])
         self.flight = np.zeros(1, dtype=layout.FLIGHT)
         contact.take_off(self.flight[0], 0.0, *first.position, *first.velocity)
         options = engine.scene.options("history") if members else None

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.polynomial import legendre
 
+from basset._compile import placed
 from basset.kernels import Floats
 from basset.solvers import stepper
 from saltation.flight import equations
@@ -28,7 +29,7 @@ def path_of(engine: Engine, record: stepper.Record | None, spins: Floats) -> xr.
         flown = (record.share > 0.0) & ((length > SHORTEST_FLIGHT)[which] | (which == which[-1]))  # a rebound may leave no flight at all, but for rounding
     if record is None or not flown.any():
         start = engine.first()
-        state = engine.state_of(start)[None]
+        state = engine.state_of(start, engine.own_of(start.spin, 0))[None]
         return path_at(engine, np.zeros(1), state, np.full_like(state, np.nan), np.array([start.spin]))
     which = which[flown]
     record = stepper.Record(*(array[flown] for array in record))
@@ -61,7 +62,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     d = engine.dimensions
     if engine.rotation is not None:
         spins = np.zeros((len(times), 3))
-        spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d :]
+        spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d : 2 * d + engine.spins]
     stream = np.array([engine.scene.profile.velocity_and_shear(z)[0] for z in states[:, d - 1]])
     shear = np.array([engine.scene.profile.velocity_and_shear(z)[1] for z in states[:, d - 1]])
     slip = np.zeros((len(times), 3))
@@ -69,25 +70,39 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])
     forces = np.zeros((len(times), 3 * len(engine.force_names)))
     equations.budget(engine.equation, situations, forces)
+    velocity, beside = slip.copy(), np.zeros((len(times), 9))  # the fluctuation, its rate along the path, and the fluid's acceleration
+    velocity[:, 0] += stream
+    if engine.eddies is not None:
+        equations.beside(placed(engine.model), np.ascontiguousarray(states), engine.own_of((0.0, 0.0, 0.0), 0), beside)
+        velocity += beside[:, :3]
     columns: dict[str, Any] = {"x": (states[:, 0], "d", "along the stream")}
     if d == 3:
         columns["y"] = states[:, 1], "d", "across the stream"
     columns["z"] = states[:, d - 1], "d", "above the bed level"
-    columns["u"] = slip[:, 0] + stream, "u*", "velocity along the stream"
+    columns["u"] = velocity[:, 0], "u*", "velocity along the stream"
     if d == 3:
-        columns["v"] = slip[:, 1], "u*", "velocity across the stream"
-    columns["w"] = slip[:, 2], "u*", "velocity up"
+        columns["v"] = velocity[:, 1], "u*", "velocity across the stream"
+    columns["w"] = velocity[:, 2], "u*", "velocity up"
     if engine.scene.turns:
         for k, axis in enumerate("xyz"):
             if d == 3 or axis == "y":
                 columns[f"spin_{axis}"] = spins[:, k], "u*/d", f"angular velocity about {axis}"
     axes = {"x": 0, "y": 1, "z": 2} if d == 3 else {"x": 0, "z": 2}
+    for axis, place in axes.items() if engine.eddies is not None else ():
+        columns[f"eddy_{axis}"] = beside[:, place], "u*", f"fluctuation of the stream, {axis}"
     for k, name in enumerate(engine.force_names):
         for axis, place in axes.items():
             columns[f"{name}_{axis}"] = forces[:, 3 * k + place], "u*2/d", f"acceleration by {name}"
+    pressure = np.zeros((len(times), 3))
+    if engine.eddies is not None:
+        pressure = engine.numbers.alpha * beside[:, 6:]
+        for axis, place in axes.items():
+            columns[f"turbulence_{axis}"] = pressure[:, place], "u*2/d", "acceleration by that of the fluid"
     if engine.members:
         acceleration = rates[:, d : 2 * d].copy()
-        acceleration[:, 0] += shear * slip[:, 2]
+        acceleration[:, 0] += shear * (slip[:, 2] + beside[:, 2])
+        if engine.eddies is not None:
+            acceleration += (beside[:, 3:6] - pressure)[:, list(axes.values())]
         told = "acceleration by the history force (NaN at takeoff: infinite)"
         for k, (axis, place) in enumerate(axes.items()):
             columns[f"history_{axis}"] = acceleration[:, k] - forces[:, place::3].sum(axis=1), "u*2/d", told

@@ -20,6 +20,7 @@ from basset import _validate
 from basset.quadrature import SCHEMES, Daitche
 from saltation._tables import Table
 from saltation.effects import EFFECTS
+from saltation.effects.base import Setting
 from saltation.effects.history import DECAYS, kernel_of
 from saltation.flow import PROFILES, Laden, profile_of, rougher, saltation_layer
 from saltation.grain import Numbers, numbers_of
@@ -41,6 +42,7 @@ MOST_STEPS = 1e8  # fixed ones
 MOST_TIMES = 10**7  # that are kept of a cloud
 FINEST = 1e-13  # relative error of sums of exponentials
 FINEST_STEPS = {"mei_adrian": 1e-8, "dorgan_loth": 1e-7}  # solver.rtol that flights with these kernels keep
+SHALLOWEST = 5.0  # d: a channel whose fluctuations have profiles
 NARROWEST = 12.0  # d: in a narrower periodic box a grain could meet itself
 COUPLINGS = ("none", "roughness", "two_way")  # words for what grains do to the stream
 SENSIBLE = (1e-12, 1e12)  # dimensionless numbers outside of this come from wrong units
@@ -122,7 +124,8 @@ class SceneBase(Table):
         if not isinstance(self.effects, str):
             return tuple(self.effects)
         meeting = ("encounters",) if self.cloud is not None and self.preset.collisions else ()
-        return (*self.preset.effects, *meeting)
+        eddies = ("turbulence",) if self.effects == AUTO and self.channel is not None and self.channel.depth is not None else ()
+        return (*self.preset.effects, *eddies, *meeting)
 
     @property
     def stokes_decay(self) -> float:
@@ -232,6 +235,14 @@ class SceneBase(Table):
         found = coupling.settled
         return clear if found is None or not any(found.stress) else Laden(clear, tuple(found.heights), tuple(found.stress), depth)
 
+    def setting(self, profile: Any) -> Setting:
+        """What effects are built from, of a profile or its table."""
+        channel, d = self.channel, self.grain.diameter
+        if channel is None:
+            return Setting(self.numbers, profile)
+        depth, roughness = channel.depth or math.inf, channel.roughness_height or d
+        return Setting(self.numbers, profile, depth / d, roughness / d, channel.von_karman, self.run.seed)
+
     @property
     def turns(self) -> bool:
         """Whether anything needs the grain's spin."""
@@ -268,6 +279,8 @@ class SceneBase(Table):
         self._check_numbers()
         self._check_coupling()
         self._check_rests()
+        if "turbulence" in names:
+            self._check_turbulence()
         self._check_duration()
         if "history" in names:
             self._check_history()
@@ -294,6 +307,18 @@ class SceneBase(Table):
             if table not in preset and not fields & set(given.get(table) or {}):
                 given[table] = {**(given.get(table) or {}), **closure.take}
         return handler(given)
+
+    def _check_turbulence(self) -> None:
+        """Fluctuations need a stream of some depth, and steps that follow them."""
+        if self.channel is None:
+            raise ValueError("effects: 'turbulence' needs a [channel] with its depth (m): in still water nothing fluctuates")
+        if self.channel.depth is None:
+            raise ValueError("channel.depth is missing: 'turbulence' needs the depth of the water in m, with which its fluctuations scale")
+        if self.channel.depth < SHALLOWEST * self.grain.diameter:
+            least = SHALLOWEST * self.grain.diameter
+            raise ValueError(f"channel.depth must be {least:.3g} m ({SHALLOWEST:g} d) or more for 'turbulence', got {self.channel.depth:g}")
+        if self.solver.method != "collocation":
+            raise ValueError(f"effects: 'turbulence' is flown by solver.method = 'collocation', got {self.solver.method!r}")
 
     def _check_cloud(self, cloud: Cloud) -> None:
         """Many grains need a duration, those that meet collocation too, and a box that is wide enough."""

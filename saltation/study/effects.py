@@ -18,6 +18,7 @@ import pandas as pd
 from saltation._keys import key_of
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting
+from saltation.effects.turbulence import profiles_of
 from saltation.scene import Scene, SceneError
 from saltation.scene.conditions import Typical, settling_velocity, situations, typical
 from saltation.study import cases
@@ -68,7 +69,7 @@ def advise(scene: Scene) -> list[Verdict]:
     'keep'
     """
     jump, numbers = typical(scene), scene.numbers
-    setting = Setting(numbers, scene.profile)
+    setting = scene.setting(scene.profile)
     weight = 1.0 / abs(numbers.shields)
     verdicts = []
     for name, module in EFFECTS.items():
@@ -97,8 +98,21 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
             return 0.0, "a single grain meets no other"
         often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
         return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
-    built = module.build(options, setting)
     met = situations(scene, jump)
+    if name == "turbulence":
+        if scene.channel is None:
+            return 0.0, "in still water nothing fluctuates"
+        drag = EFFECTS["drag"].build(scene.options("drag"), setting)
+        share, least = 0.0, math.inf
+        for s in met:
+            found = profiles_of(options, setting, s.z)
+            pushed = s._replace(slip_x=s.slip_x - found.along, slip_y=s.slip_y - found.across, slip_z=s.slip_z - found.up)
+            share += float(np.sum((np.array(drag.force(pushed)) - drag.force(s)) ** 2)) / len(met)
+            least = min(least, float(found.time))
+        share = math.sqrt(share) / weight
+        deep = "" if scene.channel.depth is not None else "; the depth is not given (channel.depth), and taken to be large"
+        return share, f"{share:.0%} of the submerged weight is what fluctuations change the drag by, in eddies that last {least:.2g} d/u* or more{deep}"
+    built = module.build(options, setting)
     if name == "rotation":
         if built is None:
             return 1.0, "the spin is prescribed"
