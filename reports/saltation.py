@@ -1,4 +1,4 @@
-"""The page reports/saltation.md: what each effect, each correction and each modelling choice does to a jump."""
+"""The page reports/saltation.md: where mean jumps lie, and what each law, effect and choice does to them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,22 @@ import pandas as pd
 
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
 from basset._look import legend as _legend
+from bench.grains import base
+from bench.grains import changed as scene_with
+from bench.suites.blind import CHOSEN, THESIS
 from bench.suites.saltation import ALIKE, PRINTED, RUN_A, UNIFORM
+from bench.suites.saltation import SCENES as SCENE_OF
+from reports import blind
 from reports.site.page import Page, fill, footer, save, table
-from reports.words import Record, factor, grouped, signed, span
+from reports.words import Record, factor, grouped, listed, signed, span
+from saltation.closures import outside
 from saltation.effects.drag import LAWS
 from saltation.plots import run as plots
-from saltation.scene import load
-from saltation.scene.conditions import settling_velocity
+from saltation.scene import Scene, load, scene_of
+from saltation.scene.conditions import conditions, settling_velocity
+from saltation.scene.valid import chosen, families
 
-SUITES = ("saltation",)
+SUITES = ("blind", "saltation")
 QUANTITIES = {"height": "H", "length": "L", "velocity": "ū"}
 SIZES = (73, 250)
 SCENES = {"sand": "sand, R_p 73, T 1.87", "sand_coarse": "coarse sand, R_p 250, T 3.08", "gravel": "gravel, 30 mm, T 1.72"}
@@ -33,6 +40,28 @@ PRESCRIBED = "Run A: spin prescribed (3-6)"
 GROWING = ("Run A without Magnus", "Run G: spin computed (3-4)")  # whose Magnus force is none or follows the computed spin
 PRINTED_OVERLAP = {"A1": 53.98, "A2": 14.52, "A3": 48.72, "A4": 53.31}  # per cent, thesis Table 3-5
 CREEP = 0.1  # d
+OPEN = {  # choices without a range: single changes of the blind test
+    "velocity profile": ("channel.profile: yalin", "channel.profile: constant_b"),
+    "roughness height 2 d": ("channel.roughness_height: 2 d",),
+    "contact angles beyond 30°": ("bed.reading: reject", "bed.reading: spheres"),
+    "e and f of a rough bed": ("bed: e = 0.8, f = 0.4", "bed: e = 0.95, f = 0.3"),
+    "history restarted at an impact": ("history.rebound: restart",),
+    "contact with the added mass": ("bed.contact_mass: immersed",),
+    "Magnus as a vector": ("magnus.form: vector",),
+    "added mass by Auton": ("added_mass.form: auton",),
+}
+LAWS_OF = {  # the same of a family of laws, by its table
+    "drag": "law of drag",
+    "lift": "law of lift",
+    "history": "kernel of the history force",
+    "magnus": "law of the Magnus force",
+    "bed": "e and f of a rough bed",
+}
+SETTLED = {  # by measured rebounds
+    "history wiped at an impact": ("history.rebound: reset",),
+    "history that ignores an impact": ("history.rebound: none",),
+    "e of a model that forgets": ("bed.restitution: 0.97 exp(−35/St)",),
+}
 SAME = 1e-6  # differences in H, L and ū by rounding alone
 KEPT_BY = 3.0  # standard errors within which the prototype's numbers have to lie
 
@@ -114,6 +143,128 @@ def ratio(data: Record, scene: str, name: str, quantity: str = "height") -> floa
     return float(modification(data, scene, name)[quantity]["mean"] / modification(data, scene, "base")[quantity]["mean"])
 
 
+# The blind test, and what is open
+
+
+def blind_opening(own: Record) -> dict[str, Any]:
+    """What the blind test has come to."""
+    rows, best = blind.rows_of(own, CHOSEN, 1), blind.single_changes(own)
+    loads = [row["bed_load"]["rate"] / row["bed_load"]["wong_parker"] for row in rows]
+    return {
+        "inside": blind.count(rows),
+        "thesis": blind.count(blind.rows_of(own, THESIS, 1)),
+        "points": len(QUANTITIES) * len(rows),
+        "load": f"{factor(min(loads))} to {factor(max(loads))}",
+        "best": listed([f"“{name}”" for name, inside, _ in best if inside == best[0][1]]),
+        "best_inside": best[0][1],
+    }
+
+
+def blind_sides(own: Record, name: str, reynolds: int, quantity: str) -> list[float]:
+    """A mean over the nearest edge of the envelope, by stage; 1 inside."""
+    found = []
+    for row in blind.rows_of(own, name, 1):
+        if row["particle_reynolds"] == reynolds:
+            low, high = blind.edges(own, row)[blind.ENVELOPE[quantity]]
+            mean = row[quantity]["mean"]
+            found.append(mean / low if mean < low else mean / high if mean > high else 1.0)
+    return found
+
+
+def blind_table(own: Record) -> str:
+    """How many stages lie inside, and how far out the others, with laws chosen by range and with the thesis's."""
+    lines = []
+    for reynolds in SIZES:
+        for name in (CHOSEN, THESIS):
+            cells = []
+            for quantity in QUANTITIES:
+                sides = blind_sides(own, name, reynolds, quantity)
+                beyond = [value for value in sides if value != 1.0]
+                words = f" ({span(beyond, '{:.2f}')} of the edge)" if beyond else ""
+                cells.append(f"{len(sides) - len(beyond)} of {len(sides)}{words}")
+            rows = [row["bed_load"] for row in blind.rows_of(own, name, 1) if row["particle_reynolds"] == reynolds]
+            lines.append([str(reynolds), name, *cells, span([load["rate"] / load["wong_parker"] for load in rows], "{:.2g}")])
+    return table(["R_p", "laws", *(f"{symbol} inside" for symbol in QUANTITIES.values()), "q* over Wong–Parker's"], lines)
+
+
+def stage_scene(reynolds: int, stage: float) -> Scene:
+    """The thesis's case at a stage."""
+    return scene_of(scene_with(base(SCENE_OF[reynolds], 1), channel={"transport_stage": stage}))
+
+
+def blind_words(own: Record) -> dict[str, str]:
+    """How far out the blind means lie; k, and e at the Stokes numbers of typical jumps at R_p 73."""
+    decay = load("sand").stokes_decay
+    numbers = [conditions(stage_scene(*_at(at)))["St"] for at in own["envelopes"] if at["particle_reynolds"] == 73]
+    return {
+        "too_low": span([1.0 / value for value in blind_sides(own, CHOSEN, 73, "height")], "{:.1f}"),
+        "too_fast": f"{100.0 * (max(blind_sides(own, CHOSEN, 250, 'velocity')) - 1.0):.0f}",
+        "decay": f"{decay:g}",
+        "low_e": span([0.97 * math.exp(-decay / number) for number in numbers], "{:.2f}"),
+    }
+
+
+def choices_of(own: Record) -> dict[str, list[Record]]:
+    """What is open -> runs with one change: choices without a range, and laws that hold as well as the one taken, or all where none holds."""
+    found = {title: [row for name in names for row in blind.rows_of(own, name)] for title, names in OPEN.items()}
+    for at in own["envelopes"]:
+        scene = stage_scene(*_at(at))
+        met, taken = conditions(scene), chosen(scene)
+        for family, closures in families(scene).items():
+            own_law, any_holds = taken[family]
+            table_name = family.partition(".")[0]
+            for name, closure in closures.items():
+                if name == own_law or (any_holds and outside(closure, met)):
+                    continue
+                rows = [row for row in blind.rows_of(own, f"{table_name}: {name}") if (row["particle_reynolds"], row["stage"]) == _at(at)]
+                found.setdefault(LAWS_OF[table_name], []).extend(rows)
+    return {title: rows for title, rows in found.items() if rows}
+
+
+def _at(row: Record) -> tuple[int, float]:
+    return row["particle_reynolds"], row["stage"]
+
+
+def settled(own: Record) -> dict[str, list[Record]]:
+    """What measured rebounds have settled -> runs with it."""
+    return {title: [row for name in names for row in blind.rows_of(own, name)] for title, names in SETTLED.items()}
+
+
+def reaches(own: Record, rows: Sequence[Record], reynolds: int, quantity: str = "height") -> list[float]:
+    """Means over those of the blind test at the same stage; of runs that went to their end."""
+    before = {_at(row): row[quantity]["mean"] for row in blind.rows_of(own, CHOSEN, 1)}
+    return [row[quantity]["mean"] / before[_at(row)] for row in rows if row["particle_reynolds"] == reynolds and row["status"] == "finished"]
+
+
+def farthest(own: Record, rows: Sequence[Record]) -> float:
+    """The largest factor, up or down, by which a choice changes a mean height."""
+    return max(max(value, 1.0 / value) for reynolds in SIZES for value in reaches(own, rows, reynolds))
+
+
+def by_reach(own: Record) -> dict[str, list[Record]]:
+    """What is open, what reaches farthest first."""
+    return dict(sorted(choices_of(own).items(), key=lambda item: -farthest(own, item[1])))
+
+
+def open_table(own: Record) -> str:
+    """Values of each choice, and how far they reach."""
+    lines = []
+    for title, rows in by_reach(own).items():
+        cells = [
+            span(found, "{:.2f}") if (found := reaches(own, rows, reynolds, quantity)) else "–" for quantity in ("height", "velocity") for reynolds in SIZES
+        ]
+        values = list(dict.fromkeys(row["name"].partition(": ")[2] for row in rows))
+        lines.append([title, "; ".join(values), *cells])
+    head = [f"{QUANTITIES[quantity]} ×, R_p {reynolds}" for quantity in ("height", "velocity") for reynolds in SIZES]
+    return table(["open", "instead", *head], lines)
+
+
+def open_opening(own: Record) -> dict[str, str]:
+    """The two choices that reach farthest."""
+    (first, most), (second, next_) = list(by_reach(own).items())[:2]
+    return {"first": first, "most": factor(farthest(own, most)), "second": second, "next": factor(farthest(own, next_))}
+
+
 # Memories
 
 
@@ -159,14 +310,12 @@ def memory_table(data: Record) -> str:
     return table(["treatment of the history force at an impact", *(case_title(about) for about in cases)], rows)
 
 
-def growth_table(data: Record) -> str:
-    """What nothing forgets, by the length of the run."""
-    cases = data["memory"]["cases"]
-    rows = []
-    for counted in dict.fromkeys(r["counted"] for r in data["memory"]["growth"]):
-        found = [next(r for r in data["memory"]["growth"] if r["case"] == case and r["counted"] == counted) for case in range(len(cases))]
-        rows.append([grouped(counted), *(f"{number(row, 'height')} / {number(row, 'length')}{ended(row)}" for row in found)])
-    return table(["jumps counted", *(f"{case_title(about)}: H / L (d)" for about in cases)], rows)
+def growth(data: Record) -> dict[str, str]:
+    """By which factor lengths grow, from the shortest to the longest run, where nothing is forgotten."""
+    counts = sorted({r["counted"] for r in data["memory"]["growth"]})
+    length = {(r["case"], r["counted"]): r["length"]["mean"] for r in data["memory"]["growth"]}
+    drift = [length[case, counts[-1]] / length[case, counts[0]] for case in range(len(data["memory"]["cases"]))]
+    return {"few_jumps": grouped(counts[0]), "many_jumps": grouped(counts[-1]), "drift": span(drift, "{:.1f}")}
 
 
 # The envelope
@@ -192,14 +341,14 @@ def reading_table(data: Record, kind: str) -> str:
         runs = [row for reynolds in SIZES for row in grid(data, name, reynolds)]
         bad = [row for row in runs if row["status"] != "finished"]
         note = "" if not bad else f"; {len(bad)} of {len(runs)} runs end early: {', '.join(sorted({row['status'] for row in bad}))}"
-        shown = f"**{name}** (shipped)" if name == data["grid"]["shipped"] else name
+        shown = f"**{name}** (the thesis's case)" if name == data["grid"]["shipped"] else name
         rows.append([shown, *reading_cells(data, name), f"{inside(data, name)} of {points(data)}{note}"])
     head = [f"R_p {reynolds}: {symbol}" for reynolds in SIZES for symbol in QUANTITIES.values()]
     return table(["profile, contact angles" if kind == "reading" else "history force (swamee, clip)", *head, "inside in all"], rows)
 
 
 def spread_of(data: Record, reynolds: int, stage: float, quantity: str) -> tuple[float, float]:
-    """Smallest and largest mean of the memories and the shipped scene."""
+    """Smallest and largest mean of the memories and the thesis's case."""
     rows = [r for r in data["grid"]["records"] if r["particle_reynolds"] == reynolds and r["stage"] == stage]
     values = [r[quantity]["mean"] for r in rows if r["kind"] == "memory" or r["name"] == data["grid"]["shipped"]]
     return min(values), max(values)
@@ -212,7 +361,7 @@ def spreads(data: Record, reynolds: int) -> list[float]:
 
 
 def stage_table(data: Record) -> str:
-    """The shipped scene at every stage: ours, the model's spread, the envelope."""
+    """The thesis's case at every stage: ours, the model's spread, the envelope."""
     rows = []
     for reynolds in SIZES:
         for row in grid(data, data["grid"]["shipped"], reynolds):
@@ -276,20 +425,6 @@ def effect_table(data: Record, group: str) -> str:
 def single_of(data: Record, figure: str, start: int) -> Record:
     """The single jumps of one figure of the thesis: start 0 the thesis's, 1 the mean takeoff."""
     return [r for r in data["single"] if r["figure"] == figure][start]
-
-
-def single_table(data: Record) -> str:
-    """Height and length of every single jump."""
-    rows = []
-    names = list(data["single"][0]["paths"])
-    heads = []
-    for found in data["single"]:
-        kind = "sand" if found["figure"] == "3-6" else "gravel"
-        takeoff = found["takeoff"]
-        heads.append(f"{kind}: u {takeoff['u']:.2f}, w {takeoff['w']:.2f}, ω {takeoff['spin']:.2f}")
-    for name in names:
-        rows.append([name, *(f"{found['paths'][name]['height']:.2f} / {found['paths'][name]['length']:.1f}" for found in data["single"])])
-    return table(["H/L (d)", *heads], rows)
 
 
 def prescribed(stage: float) -> float:
@@ -357,19 +492,6 @@ def exponent(data: Record, axis: str, where: str) -> str:
 
 
 # Bed load, campaign
-
-
-def bed_load_table(data: Record) -> str:
-    """q* beside two formulas."""
-    rows = []
-    for reynolds in SIZES:
-        for row in grid(data, data["grid"]["shipped"], reynolds):
-            load = row["bed_load"]
-            cells = [f"{load[name]:.3g}" for name in ("dynamic_friction", "rate", "meyer_peter_mueller", "wong_parker")]
-            rows.append(
-                [f"{reynolds}, {row['stage']:g}", *cells, f"{load['rate'] / load['meyer_peter_mueller']:.1f} / {load['rate'] / load['wong_parker']:.1f}"]
-            )
-    return table(["R_p, T", "μ_d", "q*", "Meyer-Peter–Müller", "Wong–Parker", "ratio to them"], rows)
 
 
 def models(data: Record) -> list[Record]:
@@ -604,7 +726,7 @@ def force_claims(data: Record) -> list[list[str]]:
 
 
 def opening(data: dict[str, Record]) -> dict[str, Any]:
-    """The numbers of the three sentences to take away."""
+    """The numbers of the sentences to take away."""
     found = data["saltation"]
     shipped = found["grid"]["shipped"]
     ours = grid(found, shipped, 73)
@@ -613,15 +735,13 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
     return {
         "shorter": span(shortening(found, 73, REMEMBERING)),
         "shorter_coarse": span(shortening(found, 250, REMEMBERING)),
-        "ignored": span([-x for x in shortening(found, 73, IGNORING)]),
         "inside": inside(found, shipped),
         "points": points(found),
         "variants": len(counts),
-        "most": max(counts.values()),
+        "most_inside": max(counts.values()),
         "below": span(below),
         "faster": over_speed(found, shipped, 250),
         "spread": span(spreads(found, 73), "{:.1f}"),
-        "torque": f"{100.0 * (1.0 / ratio(found, 'sand', 'torque without ρ/ρ_s') - 1.0):.0f}",
         "signs": f"{1.0 / ratio(found, 'sand', 'rebound 3-B letter by letter'):.1f}",
         "magnus": f"{1.0 / ratio(found, 'sand', 'Magnus'):.1f}",
         "magnus_gravel": f"{1.0 / ratio(found, 'gravel', 'Magnus'):.0f}",
@@ -630,7 +750,7 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
 
 def saltation(data: dict[str, Record]) -> str:
     """The page reports/saltation.md."""
-    found = data["saltation"]
+    found, own = data["saltation"], data["blind"]
     shipped = found["grid"]["shipped"]
     along, up = forces(found)
     clipped = [row["clipped"] for reynolds in SIZES for row in grid(found, shipped, reynolds)]
@@ -644,6 +764,13 @@ def saltation(data: dict[str, Record]) -> str:
         found=found,
         gravel=gravel,
         **opening(data),
+        blind=blind_opening(own),
+        **open_opening(own),
+        **blind_words(own),
+        blind_table=blind_table(own),
+        figure_open=save(draw_open(own), "saltation_open"),
+        open_table=open_table(own),
+        stages_flown=len(own["envelopes"]),
         claims=claims(found),
         figure_path=save(draw_path(found["forces"]["path"]), "saltation_path"),
         figure_memory=save(draw_memory(found["memory"], case_title), "saltation_memory"),
@@ -651,7 +778,7 @@ def saltation(data: dict[str, Record]) -> str:
         agreed=f"{sum(abs(z) <= KEPT_BY for z in zs)} of {len(zs)}"
         if (zs := [z for r in found["memory"]["records"] if (z := deviation(r)) is not None])
         else "none",
-        growth=growth_table(found),
+        **growth(found),
         longer=span([-x for x in shortening(found, 73, SLIP_FORGOTTEN)]),
         longer_finite=span([-x for x in shortening(found, 73, IGNORING[1:])]),
         figure_envelope=save(draw_envelope(found["grid"]), "saltation_envelope"),
@@ -663,7 +790,6 @@ def saltation(data: dict[str, Record]) -> str:
         printed=effect_table(found, "printed"),
         choices=effect_table(found, "choice"),
         figure_single=save(draw_single(found["single"]), "saltation_single"),
-        single=single_table(found),
         figure_angles=save(draw_angles(found["grid"]), "saltation_angles"),
         spin=spin_table(found),
         figure_heights=save(draw_heights(found["heights"]), "saltation_heights"),
@@ -673,7 +799,6 @@ def saltation(data: dict[str, Record]) -> str:
         figure_saturation=save(draw_saturation(found["saturation"]), "saltation_saturation"),
         figure_diffusion=save(draw_diffusion(found["diffusion"]), "saltation_diffusion"),
         figure_load=save(draw_bed_load(found["grid"]), "saltation_bed_load"),
-        load=bed_load_table(found),
         over=span([load["rate"] / load["meyer_peter_mueller"] for load in loads], "{:.1f}"),
         over_wong=span([load["rate"] / load["wong_parker"] for load in loads], "{:.1f}"),
         friction=span([load["dynamic_friction"] for load in loads], "{:.2f}"),
@@ -693,17 +818,15 @@ def saltation(data: dict[str, Record]) -> str:
         clipped=span([100.0 * share for share in clipped]),
         size_points=len(QUANTITIES) * len(grid(found, shipped, 73)),
         coarse_points=len(QUANTITIES) * len(grid(found, shipped, 250)),
-        shipped_inside=inside(found, shipped, (73,)),
-        shipped_coarse=inside(found, shipped, (250,)),
+        base_inside=inside(found, shipped, (73,)),
+        base_coarse=inside(found, shipped, (250,)),
         restarted_inside=inside(found, restarted, (73,)),
-        restarted_fast=over_speed(found, restarted, 73),
         rough_coarse=inside(found, rough, (250,)),
         rough_inside=inside(found, rough, (73,)),
         bare_coarse=inside(found, bare, (250,)),
         bare_inside=inside(found, bare, (73,)),
         rough_fast=over_speed(found, rough, 250),
         bare_fast=over_speed(found, bare, 250),
-        fast=over_speed(found, shipped, 250),
         spread_coarse=span(spreads(found, 250), "{:.1f}"),
         gravel_height=f"{modification(found, 'gravel', 'base')['height']['mean']:.0f}",
         gravel_bare=f"{modification(found, 'gravel', 'Magnus')['height']['mean']:.1f}",
@@ -716,7 +839,7 @@ def saltation(data: dict[str, Record]) -> str:
 
 AXES = {"height": "mean rise H (d)", "length": "mean length L (d)", "velocity": "mean velocity ū (u*)"}
 REGRESSIONS = {"lee_hsu_1994": ("Lee–Hsu 1994", "--"), "sklar_dietrich_2004": ("Sklar–Dietrich 2004", "-."), "van_rijn_1984": ("van Rijn 1984", ":")}
-READINGS = {  # shown beside the shipped scene: name in the records, label, colour, marker
+READINGS = {  # shown beside the thesis's case: name in the records, label, colour, marker
     "swamee, reject": ("swamee, reject", ORANGE, "s"),
     "yalin, clip": ("yalin, clip", RED, "^"),
     "swamee, clip, k_s = 2 d": ("swamee, clip, k$_s$ = 2 d", GREEN, "v"),
@@ -740,13 +863,33 @@ def _errors(axes: Any, x: Sequence[float], rows: Sequence[Record], error: str = 
     axes.errorbar([at for at, _ in shown], [row["mean"] for _, row in shown], yerr=[2.0 * (row[error] or 0.0) for _, row in shown], **{"capsize": 2} | look)
 
 
+def draw_open(own: Record) -> Any:
+    """How far each open choice reaches, and what is settled would."""
+    shown = list(by_reach(own).items())[::-1]
+    rows = [*settled(own).items(), *shown]
+    figure, axes = plt.subplots(figsize=(9.0, 0.42 * len(rows) + 1.6))
+    for reynolds, colour, shift in ((73, BLUE, 0.17), (250, ORANGE, -0.17)):
+        for place, (title, runs) in enumerate(rows):
+            values = [1.0, *reaches(own, runs, reynolds)]
+            look = {"color": GREY if title in SETTLED else colour, "linewidth": 6.0, "solid_capstyle": "butt"}
+            axes.plot([min(values), max(values)], [place + shift] * 2, label=f"R$_p$ = {reynolds}" if place == len(rows) - 1 else None, **look)
+    axes.axvline(1.0, color="#999999", linewidth=0.8)
+    _ticks(axes, (0.1, 0.2, 0.5, 1, 2, 5))
+    axes.set_yticks(range(len(rows)), [title for title, _ in rows])
+    axes.set(xlabel="H / H with the laws chosen by range, over all stages")
+    axes.grid(visible=False, axis="y")
+    figure.suptitle("How far the open choices reach, one at a time; what measured rebounds have settled (grey) is off the list")
+    _legend(figure, axes, 2)
+    return figure
+
+
 def draw_path(found: Record) -> Any:
-    """Side view and plan of the first jumps of the shipped scene."""
+    """Side view and plan of the first jumps of the thesis's case."""
     figure = plt.figure(figsize=(9.0, 5.2))
     arrays = {name: np.array(found[name]) for name in "xyz"}
     hits = [np.array(found["impacts"][name]) for name in "xzy"]
     plots.draw_path(figure, arrays["x"], arrays["z"], arrays["y"], hits, "x (d)")
-    figure.suptitle("The first eight jumps of the shipped sand: side view and plan (mind the stretched heights)")
+    figure.suptitle("The first eight jumps of sand, the thesis's case: side view and plan (mind the stretched heights)")
     return figure
 
 
@@ -775,7 +918,7 @@ def draw_memory(found: Record, title: Callable[[Record], str]) -> Any:
 
 
 def draw_envelope(found: Record) -> Any:
-    """H, L and ū against T: regressions, the shipped scene, the spread by memories, some readings. Thesis figs 3-7 and 3-9."""
+    """H, L and ū against T: regressions, the thesis's case, the spread by memories, some readings. Thesis figs 3-7 and 3-9."""
     figure, panels = plt.subplots(3, 2, figsize=(11.0, 10.0), sharex="col")
     for column, reynolds in enumerate(SIZES):
         lines = [r for r in found["published"] if r["particle_reynolds"] == reynolds]
@@ -796,7 +939,7 @@ def draw_envelope(found: Record) -> Any:
                 own = sorted((r for r in rows if r["name"] == name), key=lambda r: r["stage"])
                 axes.plot(stages, [r[quantity]["mean"] for r in own], color=colour, marker=marker, linewidth=1.0, label=text)
             means = [r[quantity] for r in shipped]
-            _errors(axes, stages, means, color=BLUE, marker="o", linewidth=2.0, label="shipped: swamee, clip, rebound remembered (2 s.e.)")
+            _errors(axes, stages, means, color=BLUE, marker="o", linewidth=2.0, label="the thesis's case: swamee, clip, rebound remembered (2 s.e.)")
             axes.set_ylabel(label)
             axes.set_yscale("log")
             axes.set_ylim(*axes.get_ylim())  # bars of single jumps reach below zero
@@ -832,7 +975,7 @@ def draw_effects(records: Sequence[Record], scenes: Mapping[str, str]) -> Any:
                 ratio, [place + shift for place, _ in points], marker, color=colour, linestyle="none", markersize=6, label=scenes[scene].replace("R_p", "R$_p$")
             )
         axes.axvline(1.0, color="#999999", linewidth=0.8)
-        axes.set(xlabel=f"{symbol} / {symbol} of the shipped scene")
+        axes.set(xlabel=f"{symbol} / {symbol} of the thesis's case")
         axes.set_ylim(-0.7, len(rows) - 0.3)
         _ticks(axes, (0.05, 0.1, 0.2, 0.5, 1, 2, 5) if quantity != "velocity" else (0.3, 0.5, 0.7, 1, 1.5))
     names = [f"— {titles[group]} —" for group in titles][::-1]

@@ -7,6 +7,7 @@ import pytest
 
 from bench import grains
 from bench.suites import saltation as suite
+from bench.suites.blind import CHOSEN
 from reports import saltation
 from reports.site.page import HERE, into, load
 from saltation.scene import scene_of
@@ -112,6 +113,27 @@ def test_what_is_said_of_memories_holds(data):
     for case in range(3):
         heights = saltation.heights(data, case)
         assert heights["Mei–Adrian: jump ignored, all jumps"] == pytest.approx(heights["Mei–Adrian: jump ignored, 1 jump"], rel=0.05)
+
+
+def test_what_is_said_of_the_blind_test_holds():
+    own = committed()["blind"]
+    assert max(saltation.blind_sides(own, CHOSEN, 73, "height")) < 1.0
+    assert {*saltation.blind_sides(own, CHOSEN, 250, "height"), *saltation.blind_sides(own, CHOSEN, 250, "length")} == {1.0}
+    assert min(saltation.blind_sides(own, CHOSEN, 250, "velocity")) >= 1.0
+    inside = sum(side == 1.0 for size in saltation.SIZES for name in saltation.QUANTITIES for side in saltation.blind_sides(own, CHOSEN, size, name))
+    assert inside == saltation.blind_opening(own)["inside"]
+
+
+def test_what_is_open_holds_as_well_and_what_measured_rebounds_reject_is_not():
+    own = committed()["blind"]
+    found = {title: {row["name"] for row in rows} for title, rows in saltation.choices_of(own).items()}
+    every = set().union(*found.values())
+    assert not every & set().union(*saltation.SETTLED.values())
+    assert "drag: yen" in every and not every & {"drag: stokes", "magnus: rubinow_keller", "lift: saffman"}
+    assert {row["particle_reynolds"] for row in saltation.choices_of(own)["kernel of the history force"]} == {250}  # at R_p 73 one holds
+    rows = [{"particle_reynolds": 73, "stage": 1.87, "status": status, "height": {"mean": 1.0}} for status in ("finished", "at rest")]
+    blind = next(row for row in own["rows"] if (row["name"], row["particle_reynolds"], row["stage"], row["seed"]) == (CHOSEN, 73, 1.87, 1))
+    assert saltation.reaches(own, rows, 73) == [1.0 / blind["height"]["mean"]] and saltation.reaches(own, rows, 250) == []
 
 
 def test_what_is_said_of_the_envelope_holds(data):

@@ -136,7 +136,8 @@ COMMAND = "import sys, saltation.simulation as c; c.PART = int(sys.argv.pop(1));
 
 
 def words(folder, made):
-    return ["run", "sand_cloud", "--output", str(folder), "--set", f"run.duration={made.run.duration!r}", "--set", "run.discard=0"]
+    changes = ["defaults=thesis", f"run.duration={made.run.duration!r}", "run.discard=0"]
+    return ["run", "sand_cloud", "--output", str(folder), *(word for change in changes for word in ("--set", change))]
 
 
 def start(folder, made):

@@ -17,6 +17,7 @@ from saltation import cli
 from saltation.plots.records import comparison as drawn
 from saltation.study import comparison, records
 from saltation.study.comparison import compare
+from saltation.study.least_squares import LeastSquares
 from saltation.study.records import noise_of, quantity_of, read_record
 
 E = 0.8
@@ -204,7 +205,7 @@ def test_a_fit_finds_the_least_of_all_minima():
     record = {"t": TIMES, "z": exact(TIMES)[0] + 1e-3 * rng.normal(size=len(TIMES))}
     found = compare(record, bouncer(), "bed.restitution", error=1e-3)
     problem = comparison.Problem(read_record(record), bouncer(), {"bed.restitution": (0.6, 0.9)}, None, None, None, 1e-3)
-    least = min(problem.squares(np.array([u])) for u in np.linspace(0.0, 1.0, 97))
+    least = min(LeastSquares(problem).squares(np.array([u])) for u in np.linspace(0.0, 1.0, 97))
     assert (found.misfit.loc["z", "rms"] / 1e-3) ** 2 <= least * (1.0 + 1e-4)
 
 
