@@ -13,7 +13,7 @@ from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature import Daitche, Exponential, Rule, resolve
 from basset.quadrature.rule import accept
 from basset.streaming import Plan
-from basset.streaming.uneven import trajectory
+from basset.streaming.uneven import check_times, trajectory
 from basset.weights.table import TABLES, ByteCache, Recipe, filtered_by, step_factor, table
 from basset.weights.uneven import HIGHEST, pieces, row
 
@@ -295,14 +295,7 @@ def _times(t: ArrayLike, missing: NDArray[np.bool_]) -> Floats:
     times = times[rows]
     if not np.isfinite(times).all():
         raise _validate.not_finite(times, 0, "t")
-    steps = np.diff(times)
-    if (steps < 0.0).any():
-        k = int(np.argmax(steps < 0.0))
-        raise ValueError("t must not fall, got {} after {} seconds in row {}".format(*_validate.apart(times[k + 1], times[k]), rows[k + 1]))
-    thrice = (steps[1:] == 0.0) & (steps[:-1] == 0.0)
-    if thrice.any():
-        k = int(np.argmax(thrice))
-        raise ValueError(f"t must hold an instant at most twice, before and after a jump, got {times[k]:g} seconds three times from row {rows[k]} on")
+    check_times(times, rows)
     return times
 
 
