@@ -24,6 +24,7 @@ from basset.weights._panels import DEPTH
 from basset.weights.uneven import pieces, row
 
 KEPT = DEPTH + 2
+ROUNDED = 1.0 - 1e-6  # steps that differ by rounding are equal
 SHORTEST = 1.000000001e-12  # of the time to be remembered, where sums cover twelve decades
 
 
@@ -85,7 +86,7 @@ def check_times(t: Floats, rows: NDArray[np.integer[Any]], shortest: float = 0.0
     if thrice.any():
         k = int(np.argmax(thrice)) + 2
         raise ValueError(f"t must hold an instant at most twice, before and after a jump, got {t[k]:g} seconds for the third time in row {rows[k]}")
-    short = (steps > 0.0) & (steps < shortest)
+    short = (steps > 0.0) & (steps < shortest * ROUNDED)
     if short.any():
         k = int(np.argmax(short))
         raise ValueError(
@@ -127,9 +128,11 @@ class UnevenPlan:
 
     Attributes
     ----------
-    order, kernel : as given
+    order, horizon, kernel : as given
+    shortest : float, seconds
+        The shortest step that may be taken: longer than given where no sum for the kernel is so long.
     tail_sum : ExponentialSum
-        The sum that stands for the kernel; from the shortest step that may be taken on.
+        The sum that stands for the kernel from that lag on.
 
     Raises
     ------
@@ -149,8 +152,9 @@ class UnevenPlan:
 
     def __init__(self, order: int, rtol: float, shortest: float, horizon: float, kernel: Kernel) -> None:
         self.order, self.kernel, self.horizon = order, kernel, horizon
-        self._planned = planned(kernel, rtol, shortest * (1.0 - 1e-6), horizon)  # steps differ by rounding
+        self._planned = planned(kernel, rtol, shortest * ROUNDED, horizon)
         self.tail_sum = self._planned.tail
+        self.shortest = self.tail_sum.near / ROUNDED
 
     def start(self, shape: tuple[int, ...] | int = ()) -> UnevenState:
         """An empty state for samples of that shape.
@@ -231,7 +235,7 @@ class UnevenPlan:
         kept = min(count, KEPT)
         times = np.concatenate([state.times[KEPT - kept :], times])
         rates = np.ascontiguousarray(np.concatenate([state.samples[:, KEPT - kept :].T, rates.reshape(len(rates), -1)]))
-        check_times(times, np.arange(len(times)) - kept, self.tail_sum.near)
+        check_times(times, np.arange(len(times)) - kept, self.shortest)
         start = state.counters[2] if count else times[0]
         if times[-1] - start > self.tail_sum.far:
             raise ValueError(

@@ -267,7 +267,7 @@ class TestStream:
         before = pickle.dumps(state)
         for sentence, t in (
             (r"t must not fall, got 0\.1 after 0\.2 seconds in row 0", 0.1),
-            (r"t must rise by 0\.00999999 seconds or more, the shortest step planned, got 0\.005", 0.205),
+            (r"t must rise by 0\.01 seconds or more, the shortest step planned, got 0\.005", 0.205),
             (r"horizon must cover the stream, 2\.5 seconds from its first sample on, got 2", 2.5),
             ("t must be a finite number, got nan", np.nan),
         ):
