@@ -276,18 +276,21 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
 
 def _gaps(g: ArrayLike, gaps: str) -> tuple[Floats, NDArray[np.bool_]]:
     """Samples, and which of them are missing, wholly or in part: all are refused unless gaps are bridged."""
-    if gaps == "bridge" and isinstance(g, np.ma.MaskedArray):
-        g = np.where(np.ma.getmaskarray(g), np.nan, np.asarray(g.data, dtype=np.float64))
-    samples = _samples(g)
+    samples = _samples(_with_holes(g) if gaps == "bridge" else g)
     missing = np.asarray(np.isnan(samples).reshape(len(samples), -1).any(axis=1))
     if (missing.any() and gaps == "raise") or np.isinf(samples).any():
         raise _unfit(samples if gaps == "raise" else np.where(np.isnan(samples), 0.0, samples), 0)
     return samples, missing
 
 
+def _with_holes(values: ArrayLike) -> ArrayLike:
+    """NaN for what is masked."""
+    return np.where(np.ma.getmaskarray(values), np.nan, np.asarray(values.data, dtype=np.float64)) if isinstance(values, np.ma.MaskedArray) else values
+
+
 def _times(t: ArrayLike, missing: NDArray[np.bool_]) -> Floats:
     """The times of the samples that are present."""
-    times = _validate.real_array("t", t)
+    times = _validate.real_array("t", _with_holes(t) if missing.any() else t)
     if times.shape != missing.shape:
         raise ValueError(f"t must have the shape {missing.shape}, one time for each sample of g, got {times.shape}")
     rows = np.flatnonzero(~missing)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from basset import _validate
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, MeiAdrianKernel
+from basset.positive_sums import positive_sum
 from basset.streaming._uneven import decays, run
 from basset.streaming.state import Array, owned, sample_of
 from basset.weights._panels import DEPTH
@@ -25,7 +26,7 @@ from basset.weights.uneven import pieces, row
 
 KEPT = DEPTH + 2
 ROUNDED = 1.0 - 1e-6  # steps that differ by rounding are equal
-SHORTEST = 1.000000001e-12  # of the time to be remembered, where sums cover twelve decades
+SHORTEST = 1.000000001e-12  # of the time to be remembered
 
 
 class Planned(NamedTuple):
@@ -45,19 +46,19 @@ class Planned(NamedTuple):
 
 @lru_cache(maxsize=64)
 def planned(kernel: Kernel, rtol: float, near: float, far: float) -> Planned:
-    """A sum for K from `near` to `far`. It begins later where none is so long: tables and fits cover twelve decades."""
+    """A sum for K from `near` to `far`; it begins later where that is more than twelve decades. What no table holds is fitted here."""
     endless = _has_geometric(kernel)
-    if not endless:
-        near = max(near, far * SHORTEST)
-        if isinstance(kernel, MeiAdrianKernel) and near < SHORTEST * kernel.bend < far:
-            near = SHORTEST * kernel.bend
+    near = near if endless else max(near, far * SHORTEST)
     far = max(far, 2.0 * near)
     try:
         tail = ExponentialSum.fit(near, far, rtol, kernel)
     except ValueError:
-        if not endless:
+        if endless:
+            tail = _geometric(near, far, rtol, kernel)
+        elif isinstance(kernel, MeiAdrianKernel):
+            tail = ExponentialSum(*positive_sum(kernel, near, far, rtol), near, far, kernel, rtol)
+        else:
             raise
-        tail = _geometric(near, far, rtol, kernel)
     weights, rates, total = np.array(tail.weights), np.array(tail.rates), np.empty(4)
     decays(weights, rates, near, np.empty((6, len(tail))), total)
     x, w = kernel.rule(0.0, near)
@@ -262,6 +263,49 @@ class UnevenPlan:
         float64, shape of one sample, unit of f × s^(-1/2)
         """
         return state.history.copy() if state.history.ndim else float(state.history)
+
+    def tail(self, state: UnevenState, t: float) -> Any:
+        """The part of H at the next time that does not depend on the sample there: H = tail + local·g.
+
+        Parameters
+        ----------
+        state : UnevenState
+        t : float, seconds
+            The next time.
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `push`.
+        """
+        self._own(state)
+        return self.run(UnevenState(*(array.copy() for array in state)), np.zeros((1, *state.history.shape)), [_validate.number("t", t)])[0]
+
+    def local(self, state: UnevenState, t: float) -> float:
+        """The factor of the sample at the next time in H there.
+
+        Parameters
+        ----------
+        state : UnevenState
+        t : float, seconds
+            The next time.
+
+        Returns
+        -------
+        float, s^(1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `push`.
+        """
+        self._own(state)
+        alone = self.start()._replace(times=state.times.copy(), counters=state.counters.copy())
+        return float(self.run(alone, [1.0], [_validate.number("t", t)])[0])
 
     def jump(self, state: UnevenState, delta: ArrayLike) -> None:
         """Remember a jump of f at the newest sample, in place: it adds delta·K from the next one on.

@@ -147,6 +147,12 @@ class TestExponential:
             lags = np.geomspace(span, 1.0, 4000)
             assert np.abs(tail(lags) * np.sqrt(lags) - 1.0).max() <= 1.001 * rtol + 5e-15
 
+    def test_what_no_table_holds_is_fitted(self):
+        kernel = basset.MeiAdrianKernel(0.1, 1e-3, 1e-6)
+        refused(ValueError, "rtol must be at least", basset.ExponentialSum.fit, 1e-9, 1.0, 1e-10, kernel)
+        tail, lags = planned(kernel, 1e-10, 1e-9, 1.0).tail, np.geomspace(1e-9, 1.0, 4000)
+        assert np.abs(tail(lags) / kernel(lags) - 1.0).max() <= 1.001e-10
+
     def test_decays_over_a_panel_against_mpmath(self):
         z = np.concatenate([np.geomspace(1e-20, 1e3, 200), [0.5, 0.5 - 1e-15, 2.0, 2.0 - 1e-15]])
         z.sort()
@@ -222,7 +228,13 @@ class TestGaps:
         holes = g.copy()
         holes[missing, 1] = np.nan
         masked = np.ma.masked_array(g, np.isnan(holes))
-        for samples, times in ((holes, {"t": t}), (holes, {"t": np.where(missing, np.nan, t)}), (masked, {"t": t}), (holes, {"dt": 0.1})):
+        for samples, times in (
+            (holes, {"t": t}),
+            (holes, {"t": np.where(missing, np.nan, t)}),
+            (holes, {"t": np.ma.masked_array(t, missing)}),
+            (masked, {"t": t}),
+            (holes, {"dt": 0.1}),
+        ):
             H = cumulate(samples, rule=rule, gaps="bridge", **times)
             assert np.isnan(H[missing]).all()
             assert np.allclose(H[~missing], expected, rtol=1e-12, atol=1e-12)
@@ -245,6 +257,16 @@ class TestStream:
             assert np.abs(np.concatenate(found) - expected).max() < 1e-10 * 2.0 * np.abs(g).max() * 2.0 * np.sqrt(5.0)
             assert (plan.value(state) == found[-1][-1]).all()
         assert {array.dtype for array in state} == {np.dtype(np.float64)}
+
+    def test_is_affine_in_the_next_sample(self):
+        plan = Exponential(3, 1e-10).uneven_plan(horizon=5.0)
+        t, g = scattered(20, 5.0), np.random.default_rng(4).standard_normal((21, 2))
+        state = plan.start(2)
+        for now, sample in zip(t.tolist(), g, strict=True):
+            expected, before = plan.tail(state, now) + plan.local(state, now) * sample, pickle.dumps(state)
+            assert pickle.dumps(state) == before
+            plan.push(state, sample, now)
+            assert np.allclose(plan.value(state), expected, rtol=0.0, atol=1e-13)
 
     def test_remembers_jumps(self):
         """f = 0 but for two jumps, the first of them at the start: K of each."""
