@@ -47,7 +47,7 @@ def halved(x: float, up: bool) -> float:
     return float(2.0 ** ((math.ceil if up else math.floor)(2.0 * math.log2(x)) / 2.0))
 
 
-def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, slip: bool, leaps: Floats) -> Floats:
+def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, slip: bool, leaps: Floats, span: tuple[float, float] | None = None) -> Floats:
     """H at all nodes for samples (nodes, components) at rising times from 0 on, without what is infinite at a jump; arguments as `pieces`.
 
     Parameters
@@ -59,6 +59,8 @@ def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, sl
     kernel : Kernel
     slip : bool
     leaps : ndarray (nodes, components), unit of f
+    span : (float, float), seconds, or None
+        No longer than the shortest step and no shorter than the path: paths with the same span have the same sum. None: those of `t`.
 
     Returns
     -------
@@ -69,8 +71,9 @@ def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, sl
     history = np.zeros_like(g)
     if not len(steps):
         return history
-    far = halved(float(t[-1]), up=True)
-    near = max(halved(float(steps.min()), up=False), least_near(kernel, far))
+    shortest, longest = span or (float(steps.min()), float(t[-1]))
+    far = halved(longest, up=True)
+    near = max(halved(shortest, up=False), least_near(kernel, far))
     far = max(far, 2.0 * near)
     tail, local = planned(kernel, rtol, near, far)
     weights, rates = np.array(tail.weights), np.array(tail.rates)
