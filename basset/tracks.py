@@ -248,7 +248,7 @@ class Tracks:
         numbers = ds[ids[0]].values if ids else np.empty(0)
         self.id = str(ids[0]) if ids else "trajectory"
         self.ids = numbers if numbers.dtype.kind in "iuf" and len(numbers) == len(self) else np.arange(len(self), dtype=np.int32)
-        if self.ids.dtype.itemsize == 8 and (self.ids.astype(np.int32) == self.ids).all():  # netCDF 3 knows no longer integers
+        if self.ids.dtype.kind in "iu" and (np.abs(self.ids) < 2**31).all():  # netCDF 3 knows no longer integers
             self.ids = self.ids.astype(np.int32)
 
     def _follow(self, ds: xarray.Dataset) -> None:
@@ -450,7 +450,8 @@ def _dimensions(ds: xarray.Dataset, dims: Sequence[Any], along: Sequence[Any]) -
         return None, dims[0]
     if len(dims) != 2:
         raise ValueError(f"tracks must have the dimensions (trajectory, obs), or one of them, got ({', '.join(map(str, dims))})")
-    of_tracks = [dims.index(ds[name].dims[0]) for name in ds.variables if ds[name].attrs.get("cf_role") == "trajectory_id" and ds[name].dims[0] in dims]
+    numbered = [ds[name].dims for name in ds.variables if ds[name].attrs.get("cf_role") == "trajectory_id"]
+    of_tracks = [k for k, dim in enumerate(dims) if (dim,) in numbered]
     of_samples = [k for k, dim in enumerate(dims) if str(dim).lower() in OBSERVATIONS or samples._is_time(str(dim)) or tuple(along) == (dim,)]
     sample = 1 - of_tracks[0] if of_tracks else of_samples[0] if len(of_samples) == 1 else 1
     return dims[1 - sample], dims[sample]
@@ -703,6 +704,7 @@ def _from_csv(path: Path, track: str | None) -> xarray.Dataset:
         raise ValueError(f"{str(path)!r} must number the track of every row in the column {number!r}, got none in row {int(np.argmax(np.isnan(whose))) + 1}")
     order = np.argsort(whose, kind="stable")
     ids, counts = np.unique(whose, return_counts=True)
+    ids = ids.astype(np.int64) if (ids == np.rint(ids)).all() and (np.abs(ids) < 2**53).all() else ids
     fields: dict[Any, Any] = {name: ("obs", values[order], {"units": units}) for name, (values, units) in columns.items()}
     fields["row_size"] = ("trajectory", counts, {"sample_dimension": "obs"})
     return xarray.Dataset(fields, {"trajectory": ("trajectory", ids, {"cf_role": "trajectory_id"})})
@@ -781,7 +783,9 @@ def _layout(tracks: Tracks, ds: xarray.Dataset, particle: Particle, told: dict[s
     one = ds.isel({tracks.along[0]: slice(0, 1)})
     size = math.prod(one.sizes[dim] for dim in tracks.along)
     blank = np.full((size, len(tracks.columns)), np.nan)
-    found = tracks.result(one, 0, 1 if tracks.track is not None else len(tracks), blank, blank[:, 0], particle).assign_attrs(told)
+    found = tracks.result(one, 0, 1 if tracks.track is not None else len(tracks), blank, blank[:, 0], particle).assign_attrs(told).drop_encoding()
+    long = [name for name, variable in found.variables.items() if variable.dtype.kind in "iu" and variable.dtype != np.int32]
+    found = found.assign({name: found[name].astype(np.float64) for name in long})  # netCDF 3 knows them not
     content = bytearray(found.to_netcdf(engine="scipy", unlimited_dims=tracks.along[:1]))
     with netcdf_file(io.BytesIO(content), mmap=False) as read:
         fields = [(name, variable.data.dtype, variable.shape[1:]) for name, variable in read.variables.items() if variable.isrec]
