@@ -15,17 +15,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from basset import __version__, _validate, samples
-from basset._compile import compiled
 from basset._files import is_stream, replacing
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.particles._equation import schiller_naumann
 from basset.quadrature import Exponential
 from basset.streaming import uneven
+from basset.weights._slopes import rates
 from basset.weights.uneven import HIGHEST
 
 if TYPE_CHECKING:
@@ -58,33 +58,6 @@ STANDARD_NAMES = {  # of the fluid's velocity
 }
 FINE = 1e-9  # of a step: times that are rounded less are taken as they are
 REST = "rest"  # in place of the fluid's velocity
-
-
-def _make_rates(digest: str) -> Callable[..., Any]:
-    def rates(times: Any, values: Any, bounds: Any, degree: int, out: Any) -> None:
-        """Slopes at every sample of the polynomial through the degree + 1 samples around it, within each piece; Lagrange's form."""
-        digest  # noqa: B018 - part of the cache key
-        for piece in range(len(bounds) - 1):
-            first, last = bounds[piece], bounds[piece + 1]
-            width = min(degree + 1, last - first)
-            for k in range(first, last):
-                start = min(max(k - width // 2, first), last - width)
-                for c in range(values.shape[1]):
-                    out[k, c] = 0.0
-                for j in range(start, start + width):
-                    if j != k:
-                        above, below = 1.0, times[j] - times[k]
-                        for m in range(start, start + width):
-                            if m not in (j, k):
-                                above *= times[k] - times[m]
-                                below *= times[j] - times[m]
-                        for c in range(values.shape[1]):
-                            out[k, c] += above / below * (values[j, c] - values[k, c])
-
-    return rates
-
-
-rates = compiled(_make_rates)
 
 
 # What is computed
@@ -153,7 +126,8 @@ class Particle:
         }  # fmt: skip
 
 
-class Samples(NamedTuple):
+@dataclass(frozen=True)
+class Samples:
     """Samples (n, components) of a chunk without gaps, their places in the chunk, and where pieces of tracks begin, with the end."""
 
     places: Any
@@ -212,7 +186,8 @@ def _alike(times: Floats, bounds: Any) -> Iterator[Any]:
 # What of a dataset is what
 
 
-class Column(NamedTuple):
+@dataclass(frozen=True)
+class Column:
     """A component of a vector: x, y or z, the variable, its unit in SI, and where along a dimension of components."""
 
     component: str
@@ -326,11 +301,11 @@ class Tracks:
     def values(self, part: xarray.Dataset, role: str) -> Floats:
         """Values (samples, components) in SI units, NaN where missing."""
         made = []
-        for _, name, unit, at in self.roles[role]:
-            found = self.flat(part, name, at)
+        for column in self.roles[role]:
+            found = self.flat(part, column.name, column.at)
             if found.dtype.kind not in "fiu":
-                raise ValueError(f"{name!r} must hold real numbers, got {_validate.shown(found[:1])}")
-            made.append(_known(found) * unit)
+                raise ValueError(f"{column.name!r} must hold real numbers, got {_validate.shown(found[:1])}")
+            made.append(_known(found) * column.unit)
         return np.stack(made, axis=1)
 
     def steps(self, part: xarray.Dataset, start: int, stop: int) -> tuple[float, float]:
