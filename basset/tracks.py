@@ -24,7 +24,7 @@ from basset._files import is_stream, replacing
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.particles._equation import schiller_naumann
 from basset.quadrature import Exponential
-from basset.streaming import uneven
+from basset.streaming.uneven import UnevenPlan
 from basset.weights._slopes import rates
 from basset.weights.uneven import HIGHEST
 
@@ -99,6 +99,11 @@ class Particle:
         """Of the polynomials whose slopes are the rates: even, so that they are centred, and no less exact than the integrals."""
         return 2 * (self.order // 2 + 1)
 
+    def plan(self, shortest: float, longest: float) -> UnevenPlan:
+        """One stream for all tracks, so that none depends on the others of its chunk; from the shortest step and the longest duration, in seconds."""
+        horizon = longest * (1.0 + 1e-9) or 1.0
+        return Exponential(self.order, self.rtol).uneven_plan(horizon, min(shortest, horizon), self.kernel)
+
     def forces(self, slip: Floats, rate: Floats, fluid: Floats | None, memory: Floats) -> tuple[Floats, Floats]:
         """The history force (n, components) and its share (n,), from slip, its rate, the fluid's acceleration along the track, and H."""
         with np.errstate(invalid="ignore", over="ignore"):
@@ -137,8 +142,8 @@ class Samples:
     bounds: Any
 
 
-def _forces(found: Samples, particle: Particle, span: tuple[float, float], force: Floats, share: Floats) -> None:
-    """The history force and its share, put where the samples come from; `span`: the shortest step and the longest track of all, in seconds."""
+def _forces(found: Samples, particle: Particle, plan: UnevenPlan, force: Floats, share: Floats) -> None:
+    """The history force and its share, put where the samples come from."""
     rate = np.empty_like(found.slip)
     rates(found.times, found.slip, found.bounds, particle.degree, rate)
     fluid = None
@@ -155,11 +160,12 @@ def _forces(found: Samples, particle: Particle, span: tuple[float, float], force
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
             together[: high - low, k] = rate[low:high]
         columns = together.reshape(len(times), -1)
-        leaps = np.zeros_like(columns)
-        leaps[0] = start[pieces].ravel()
-        integrals = uneven.trajectory(times, columns, particle.order, particle.rtol, particle.kernel, False, leaps, span).reshape(together.shape)
+        state = plan.start(columns.shape[1])
+        plan.push(state, columns[0], 0.0)
+        plan.jump(state, start[pieces].ravel())
+        together[1:] = plan.run(state, columns[1:], times[1:]).reshape(-1, *together.shape[1:])
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
-            memory[low:high] = integrals[: high - low, k]
+            memory[low:high] = together[: high - low, k]
     with np.errstate(invalid="ignore"):
         memory[found.bounds[:-1]] = np.where(start == 0.0, 0.0, start * particle.kernel(0.0))
     force[found.places], share[found.places] = particle.forces(found.slip, rate, fluid, memory)
@@ -602,17 +608,17 @@ def history(
     particle = Particle(diameter, viscosity, density, density_ratio, kernel, order, rtol, drag, before, gaps)
     tracks = Tracks(ds, {"slip": slip, "velocity": velocity, "fluid": fluid, "position": position, "time": time})
     whole = tracks.part(ds, 0, len(tracks))
-    return _chunk(tracks, whole, 0, len(tracks), particle, tracks.steps(whole, 0, len(tracks)))
+    return _chunk(tracks, whole, 0, len(tracks), particle, particle.plan(*tracks.steps(whole, 0, len(tracks))))
 
 
-def _chunk(tracks: Tracks, part: xarray.Dataset, start: int, stop: int, particle: Particle, span: tuple[float, float]) -> xarray.Dataset:
+def _chunk(tracks: Tracks, part: xarray.Dataset, start: int, stop: int, particle: Particle, plan: UnevenPlan) -> xarray.Dataset:
     """The result for some tracks."""
     count = int(tracks.lengths(part, start, stop).sum())
     force = np.full((count, len(tracks.columns)), np.nan)
     share = np.full(count, np.nan)
     found = tracks.taken(part, start, stop, particle)
     if len(found.places):
-        _forces(found, particle, span, force, share)
+        _forces(found, particle, plan, force, share)
     return tracks.result(part, start, stop, force, share, particle)
 
 
@@ -722,10 +728,10 @@ def write(
             stop = min(start + size, count)
             return tracks.steps(tracks.part(ds, start, stop), start, stop)
 
-    def done(start: int, span: tuple[float, float]) -> Any:
+    def done(start: int) -> Any:
         with opener() as ds:
             stop = min(start + size, count)
-            found = _chunk(tracks, tracks.part(ds, start, stop), start, stop, particle, span)
+            found = _chunk(tracks, tracks.part(ds, start, stop), start, stop, particle, plan)
         rows = np.empty(found.sizes[tracks.along[0]], dtype=record)
         for name in record.names or ():
             rows[name] = found[name].values
@@ -733,14 +739,14 @@ def write(
 
     with ThreadPoolExecutor(workers) as pool:
         nears, fars = zip(*pool.map(scanned, range(0, count, size)), strict=True)
-    span = min(nears), max(fars)
+    plan = particle.plan(min(nears), max(fars))
     with ThreadPoolExecutor(workers) as pool, _growing(output, header, record.itemsize, tracks.bounds, force) as (file, begin):
         starts, waiting, reached = deque(range(begin, count, size)), deque[Future[Any]](), begin
         progress(reached, count)
         try:
             while starts or waiting:
                 while starts and len(waiting) <= workers:
-                    waiting.append(pool.submit(done, starts.popleft(), span))
+                    waiting.append(pool.submit(done, starts.popleft()))
                 file.write(waiting.popleft().result())
                 file.flush()
                 reached = min(reached + size, count)
