@@ -24,7 +24,7 @@ from basset._files import is_stream, replacing
 from basset.kernels import BassetKernel, Floats, Kernel
 from basset.particles._equation import schiller_naumann
 from basset.quadrature import Exponential
-from basset.streaming.uneven import UnevenPlan
+from basset.streaming.uneven import Planned, planned
 from basset.weights._slopes import rates
 from basset.weights.uneven import HIGHEST
 
@@ -99,10 +99,15 @@ class Particle:
         """Of the polynomials whose slopes are the rates: even, so that they are centred, and no less exact than the integrals."""
         return 2 * (self.order // 2 + 1)
 
-    def plan(self, shortest: float, longest: float) -> UnevenPlan:
-        """One stream for all tracks, so that none depends on the others of its chunk; from the shortest step and the longest duration, in seconds."""
+    def plan(self, shortest: float, longest: float) -> Planned:
+        """One sum for all tracks, so that none depends on the others of its chunk; from the shortest step and the longest duration, in seconds."""
         horizon = longest * (1.0 + 1e-9) or 1.0
-        return Exponential(self.order, self.rtol).uneven_plan(horizon, min(shortest, horizon), self.kernel)
+        found = planned(self.kernel, self.rtol, min(shortest, horizon) * (1.0 - 1e-6), horizon)  # steps differ by rounding
+        if shortest < found.tail.near:
+            raise ValueError(
+                "times must rise by {} s or more for tracks as long as these, got a step of {} s".format(*_validate.apart(found.tail.near, shortest))
+            )
+        return found
 
     def forces(self, slip: Floats, rate: Floats, fluid: Floats | None, memory: Floats) -> tuple[Floats, Floats]:
         """The history force (n, components) and its share (n,), from slip, its rate, the fluid's acceleration along the track, and H."""
@@ -142,7 +147,7 @@ class Samples:
     bounds: Any
 
 
-def _forces(found: Samples, particle: Particle, plan: UnevenPlan, force: Floats, share: Floats) -> None:
+def _forces(found: Samples, particle: Particle, plan: Planned, force: Floats, share: Floats) -> None:
     """The history force and its share, put where the samples come from."""
     rate = np.empty_like(found.slip)
     rates(found.times, found.slip, found.bounds, particle.degree, rate)
@@ -160,12 +165,11 @@ def _forces(found: Samples, particle: Particle, plan: UnevenPlan, force: Floats,
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
             together[: high - low, k] = rate[low:high]
         columns = together.reshape(len(times), -1)
-        state = plan.start(columns.shape[1])
-        plan.push(state, columns[0], 0.0)
-        plan.jump(state, start[pieces].ravel())
-        together[1:] = plan.run(state, columns[1:], times[1:]).reshape(-1, *together.shape[1:])
+        integrals, terms = np.zeros_like(columns), np.zeros((columns.shape[1], len(plan.tail)))
+        plan.advance(particle.order, False, times, columns, 1, 0, start[pieces].ravel(), terms, integrals)
+        integrals = integrals.reshape(together.shape)
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
-            memory[low:high] = together[: high - low, k]
+            memory[low:high] = integrals[: high - low, k]
     with np.errstate(invalid="ignore"):
         memory[found.bounds[:-1]] = np.where(start == 0.0, 0.0, start * particle.kernel(0.0))
     force[found.places], share[found.places] = particle.forces(found.slip, rate, fluid, memory)
@@ -611,7 +615,7 @@ def history(
     return _chunk(tracks, whole, 0, len(tracks), particle, particle.plan(*tracks.steps(whole, 0, len(tracks))))
 
 
-def _chunk(tracks: Tracks, part: xarray.Dataset, start: int, stop: int, particle: Particle, plan: UnevenPlan) -> xarray.Dataset:
+def _chunk(tracks: Tracks, part: xarray.Dataset, start: int, stop: int, particle: Particle, plan: Planned) -> xarray.Dataset:
     """The result for some tracks."""
     count = int(tracks.lengths(part, start, stop).sum())
     force = np.full((count, len(tracks.columns)), np.nan)
