@@ -593,6 +593,11 @@ def history(
     ValueError, TypeError
         One sentence: no times or velocities found, times that do not rise, gaps, units that are not known, an argument out of range.
 
+    Notes
+    -----
+    H at a sample is computed from what came before: at the second and third of a track its order is lower. Times that are uniform up to the rounding of
+    single precision are taken as uniform. A degree of latitude has 1852·60 m. Drag and added mass are those of a solid sphere, whatever the kernel.
+
     References
     ----------
     Maxey & Riley (1983), Phys. Fluids 26, 883; Schiller & Naumann (1933), Z. Ver. Dtsch. Ing. 77, 318.
