@@ -71,7 +71,7 @@ def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
         click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
         click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
-        click.option("--diameter", type=float, help="Diameter of the particle, m; of all but basset."),
+        click.option("--diameter", type=float, help="Diameter of the particle, m; for history, and for all kernels but basset."),
         click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
     )
     for option in reversed(options):

@@ -456,8 +456,8 @@ def _roles(ds: xarray.Dataset, given: dict[str, list[str]]) -> dict[str, list[Co
     mover = given[moved] or [name for name in _usual(ds, moved) if name not in fluid]
     if not (fluid and mover):
         raise ValueError(
-            "tracks must have velocities of particle and fluid, or their difference: name them by velocity and fluid, or by slip (or position, for velocities "
-            f"by differences; fluid may be {REST!r}), got {_names(ds.variables)}"
+            "tracks must have velocities of particle and fluid, or their difference: name them by velocity (or position, for velocities by differences) "
+            f"and fluid (which may be {REST!r}), or by slip (--slip-variable), got {_names(ds.variables)}"
         )
     made = {moved: _columns(ds, moved, mover)}
     if fluid != [REST]:
