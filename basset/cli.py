@@ -1,4 +1,4 @@
-"""The commands `basset advise|compare|weights|sum|warmup`.
+"""The commands `basset advise|compare|weights|sum|history|warmup`.
 
 A user's mistake is one sentence on stderr and exit status 2; nothing is written then.
 """
@@ -6,6 +6,9 @@ A user's mistake is one sentence on stderr and exit status 2; nothing is written
 from __future__ import annotations
 
 import math
+import shlex
+import sys
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,19 +17,19 @@ import click
 
 import basset
 from basset import __version__, _command
-from basset._command import Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
+from basset._command import INTERRUPTED, Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
 from basset._files import write
 from basset._lazy import Later
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from basset import _validate, advice, comparison, exported, samples
+    from basset import _validate, advice, comparison, exported, samples, tracks
     from basset.advice import Advice
 else:  # the help needs none of them
     Table = Later("rich.table", "Table")
     _validate, advice, comparison, samples = map(Later, ("basset._validate", "basset.advice", "basset.comparison", "basset.samples"))
-    exported = Later("basset.exported")
+    exported, tracks = map(Later, ("basset.exported", "basset.tracks"))
 
 KERNELS = {  # what they need beside the viscosity
     "basset": (),
@@ -37,6 +40,7 @@ KERNELS = {  # what they need beside the viscosity
 }
 OF_KERNELS = {"slip": "m/s", "slip_length": "m", "diameter": "m"}
 SHOWN = 12  # candidates in a table
+PAUSE = 10.0  # s between lines of progress where there is no terminal
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
@@ -67,7 +71,7 @@ def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
         click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
         click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
-        click.option("--diameter", type=float, help="Diameter of the particle, m; of all but basset."),
+        click.option("--diameter", type=float, help="Diameter of the particle, m; for history, and for all kernels but basset."),
         click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
     )
     for option in reversed(options):
@@ -271,6 +275,68 @@ def exponential_sum(near: float, far: float, rtol: float, order: int, form: str,
     """The kernel as a sum of exponentials, with its promise, the recursion that uses it and a worked example; for other programs as C or Fortran."""
     checked_form(form, output, force)
     give(exported.sum_text(basset.ExponentialSum.fit(near, far, rtol, kernel_of(**options)), order, form), output)
+
+
+@main.command()
+@click.argument("source", metavar="TRACKS", type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), required=True, help="The result (netCDF).")
+@click.option("--force", is_flag=True, help="Overwrite the output.")
+@click.option("--density", type=float, help="Of the fluid, kg/m³: the force in N.")
+@click.option("--density-ratio", type=float, help="Of particle to fluid, instead: the force per mass of the particle, m/s².")
+@click.option("--velocity", help="Variables of the particle's velocity: one, or one per component, with commas.  [default: usual names]")
+@click.option("--fluid", help="Variables of the fluid's velocity at the particle; rest: it does not move.  [default: usual and standard names]")
+@click.option("--slip-variable", help="Variables of the particle's velocity less the fluid's, instead.")
+@click.option("--position", help="Variables of the place, instead of --velocity: velocities by differences.")
+@click.option("--time", "times", help="The variable of times.  [default: by its attributes or name]")
+@click.option("--track", help="The column of a .csv that numbers tracks.  [default: particle, trajectory, track, id]")
+@click.option("--order", type=int, default=3, show_default=True, help="Degree of the polynomials through the rates, 1 to 3.")
+@click.option("--rtol", type=float, default=1e-6, show_default=True, help="Promised error of the sum of exponentials.")
+@click.option("--drag", default="stokes", show_default=True, help="stokes or schiller_naumann: for the share of the total.")
+@click.option("--before", default="rest", show_default=True, help="Before a track: rest (its first slip is a jump) or steady (the slip was the same).")
+@click.option("--gaps", default="raise", show_default=True, help="Missing samples: raise, bridge (interpolate) or split (begin anew).")
+@click.option("--workers", type=int, default=1, show_default=True, help="Number of threads.")
+@click.option("--chunk", type=int, help="Tracks that are read at once.  [default: some 260 000 samples]")
+@with_kernel
+@click.pass_context
+def history(
+    ctx: click.Context,
+    /,
+    source: Path,
+    output: Path,
+    force: bool,
+    workers: int,
+    chunk: int | None,
+    track: str | None,
+    kernel: str,
+    **options: Any,
+) -> None:
+    """History force along stored TRACKS (.nc, .zarr, .csv) of many particles, and its share of the total; stopped at any time, the same command goes on."""
+    check_output(output, force)
+    diameter, viscosity = options["diameter"], options["viscosity"]
+    if diameter is None:
+        raise Mistake("--diameter (m) must be given")
+    needed = KERNELS[_validate.choice("kernel", kernel, KERNELS)]
+    made = kernel_of(kernel, viscosity, **{name: options.pop(name) for name in ("slip", "slip_length")}, diameter=diameter if "diameter" in needed else None)
+    names = {name: options.pop(name) for name in ("velocity", "fluid", "position")} | {"slip": options.pop("slip_variable"), "time": options.pop("times")}
+    given = {name: value for name, value in ctx.params.items() if value is not None and name not in ("source", "output", "force", "workers", "chunk")}
+    command = shlex.join(["basset", "history", str(source), *(word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value)))])
+    last = time.monotonic()
+
+    with mistakes_of_files("TRACKS"), progress("tracks") as report:
+
+        def tell(done: int, count: int) -> None:
+            nonlocal last
+            report(done / count)
+            if not sys.stderr.isatty() and (time.monotonic() > last + PAUSE or done == count):
+                last = time.monotonic()
+                click.echo(f"{done} of {count} tracks", err=True)
+
+        try:
+            tracks.write(source, output, names, track=track, workers=workers, chunk=chunk, force=force, command=command, progress=tell, kernel=made, **options)
+        except KeyboardInterrupt:
+            click.echo("stopped: the same command goes on from there", err=True)
+            ctx.exit(INTERRUPTED)
+    click.echo(f"written: {output}")
 
 
 @main.command()

@@ -20,7 +20,7 @@ LIBRARY = (
 SIMULATOR = "load run open campaign Scene.model_validate Result.jumps Result.trajectory Result.save Result.summary Result.to_si select_scheme compare"
 SCHEMES = {"semi_derivative", "euler_maclaurin", "brush", "daitche", "hinsberg", "windowed", "exponential"}
 COMMANDS = {
-    "basset.cli": "advise compare weights sum warmup",
+    "basset.cli": "advise compare weights sum history warmup",
     "saltation.cli": "run check campaign advise ablate uncertainty scheme compare plot schema scenes warmup",
 }
 

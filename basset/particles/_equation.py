@@ -194,12 +194,18 @@ def field(t: float, words: Any, functions: Any, numbers: Any, scratch: Any) -> N
 
 
 @shared
+def schiller_naumann(reynolds: Any) -> Any:
+    """What Stokes's drag is multiplied by; Schiller & Naumann (1933)."""
+    return 1.0 + 0.15 * reynolds**0.687
+
+
+@shared
 def drag_rate(t: float, square: float, words: Any, functions: Any, numbers: Any, scratch: Any) -> float:
     """Drag over slip, 1/s, of fluid mass; `square`: |w|²."""
     rate: float = numbers[RATE]
     kind = words[DRAG]
     if kind == SCHILLER_NAUMANN:
-        rate *= 1.0 + 0.15 * (math.sqrt(square) * numbers[REYNOLDS]) ** 0.687
+        rate *= schiller_naumann(math.sqrt(square) * numbers[REYNOLDS])
     elif kind == OWN:
         scratch[ONE, 0] = math.sqrt(square) * numbers[REYNOLDS]
         call(entry_of(functions, OF_DRAG), t, scratch, ONE, scratch, OTHER, scratch)

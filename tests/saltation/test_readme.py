@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from click.testing import CliRunner
 from scene_cases import linear
 
@@ -84,6 +85,10 @@ def folder(tmp_path_factory):
     (path / "sand.toml").write_text(scene.replace("jumps = 220", "jumps = 5").replace("discard = 20", "discard = 1"), encoding="utf-8")
     t = 0.05 * np.arange(401)
     np.savetxt(path / "samples.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t,rate", comments="")
+    drops = np.column_stack([np.repeat([1, 2], 201), np.tile(t[:201], 2), np.ones(402), np.tile(t[:201], 2)])
+    np.savetxt(path / "drops.csv", np.delete(drops, 50, axis=0), delimiter=",", header="particle,t,vx,vy", comments="")
+    fields = {name: (("trajectory", "obs"), [np.sin(t + k), np.cos(t)]) for k, name in enumerate(("u", "v", "uf", "vf"))}
+    xarray.Dataset(fields, {"time": ("obs", t)}).to_netcdf(path / "tracks.nc", engine="scipy")
     sphere = saltation.load("bouncing")
     motion = reference.bouncing(*linear(sphere), height=5.0, restitution=0.7, impacts=2)
     t = np.linspace(0.0, float(motion.end), 40)
