@@ -13,7 +13,7 @@ from matplotlib import cycler
 from matplotlib.figure import Figure
 
 from basset._look import BLUE, GREEN, LOOK, ORANGE, PINK, RED
-from reports.site.page import HERE, Page, folder, save
+from reports.site.page import HERE, Page, save
 
 FILE = "examples.md"
 ORDER = (
