@@ -6,37 +6,56 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
-from basset.quadrature import Rule, resolve
+from basset.quadrature import Daitche, Exponential, Rule, resolve
 from basset.quadrature.rule import accept
 from basset.streaming import Plan
+from basset.streaming.uneven import trajectory
 from basset.weights.table import TABLES, ByteCache, Recipe, filtered_by, step_factor, table
+from basset.weights.uneven import HIGHEST, pieces, row
 
-_BASSET = BassetKernel()
+_BASSET, _DAITCHE = BassetKernel(), Daitche(order=3)
+GAPS = ("raise", "bridge")
 PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 
 
-def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Any:
+def integrate(
+    g: ArrayLike,
+    dt: float | None = None,
+    rule: Rule | str = _DAITCHE,
+    kernel: Kernel = _BASSET,
+    initial_slip: ArrayLike = 0.0,
+    input: str = "rate",
+    *,
+    t: ArrayLike | None = None,
+    gaps: str = "raise",
+) -> Any:
     """History integral at the last node, H(t_n) = f(t_0) K(t_n − t_0) + ∫ K(t_n − τ) g(τ) dτ.
 
     Parameters
     ----------
     g : array_like (n+1, ...)
-        Samples at t_0, t_0 + dt, …: the rate g = df/dt (unit of f per second), or the slip f itself. Any real dtype and layout;
-        computed in float64, never modified. n ≥ 1.
+        Samples at t_0, t_0 + dt, … or at the times `t`: the rate g = df/dt (unit of f per second), or the slip f itself. Any real dtype and
+        layout; computed in float64, never modified. n ≥ 1.
     dt : float, seconds
-        Step size.
+        Step size; None with `t`.
     rule : Rule or str
-        How to integrate; a name in `basset.SCHEMES` stands for that scheme with its default parameters.
+        How to integrate; a name in `basset.SCHEMES` stands for that scheme with its default parameters. With `t`, and across gaps,
+        `Daitche(order)` or `Exponential(order, rtol)` of order 1, 2 or 3.
     kernel : Kernel
         The memory kernel K.
     initial_slip : array_like, scalar or (...)
         f(t_0), the jump from rest at t_0, in the unit of f. For slip samples f(t_0) is their first row.
     input : {"rate", "slip"}
         What the samples are. With "slip", H = d/dt ∫K f (thesis eq. 5-8).
+    t : array_like (n+1,), seconds
+        The times of the samples, if they are not uniform; rising. An instant that stands twice is a jump: the samples hold before and after
+        it, slips with all that a jump adds, and no polynomial straddles it.
+    gaps : {"raise", "bridge"}
+        What is done where samples are NaN or masked, in any component. "bridge" leaves them out: a polynomial goes through their neighbours.
 
     Returns
     -------
@@ -47,7 +66,13 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     ------
     ValueError, TypeError
         One sentence that names the argument: fewer than two samples, NaN or infinity among the samples that are read,
-        dt not positive, a window shorter than a step, an initial slip of the wrong shape, an unknown scheme.
+        dt not positive, times that fall, a window shorter than a step, an initial slip of the wrong shape, an unknown scheme, one that has no form
+        for times that are not uniform.
+
+    Notes
+    -----
+    At any times each panel has the polynomial of the rule's degree through neighbouring samples, integrated against K exactly: error h^(p+1), h the longest
+    step. Samples that lie too close for that are passed over, or the degree is lower there, so that errors of samples are not magnified.
 
     References
     ----------
@@ -63,7 +88,19 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     >>> H = basset.integrate(np.cos(t), t[1], basset.Daitche(order=8))
     >>> abs(H - 1.25306020134666323776) < 5e-15
     np.True_
+
+    The same with a third of the samples left out at random:
+
+    >>> t = t[np.sort(np.random.default_rng(1).choice(4097, 2800, replace=False))]
+    >>> t[[0, -1]] = 0.0, 50.0 * np.pi
+    >>> H = basset.integrate(np.cos(t), t=t, rule=basset.Daitche(order=3))
+    >>> abs(H - 1.25306020134666323776) < 1e-6
+    np.True_
     """
+    if t is not None or gaps != "raise":
+        found = _at_times(g, dt, t, rule, kernel, initial_slip, input, gaps, last=True)
+        if found is not None:
+            return found
     samples, dt, rule = _checked(g, dt, rule, kernel, input)
     n = len(samples) - 1
     if n < 1:
@@ -96,18 +133,28 @@ def integrate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSE
     return result
 
 
-def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate") -> Floats:
+def cumulate(
+    g: ArrayLike,
+    dt: float | None = None,
+    rule: Rule | str = _DAITCHE,
+    kernel: Kernel = _BASSET,
+    initial_slip: ArrayLike = 0.0,
+    input: str = "rate",
+    *,
+    t: ArrayLike | None = None,
+    gaps: str = "raise",
+) -> Floats:
     """History integral at every node, in O(n log n): row k is `integrate(g[:k+1], …)`.
 
     The convolution is done by FFT without wrap-around, the start-up rows and the oldest samples exactly; its rounding error is
-    a few 1e-16 of the largest |H| of the path.
+    a few 1e-16 of the largest |H| of the path. With times `t` Daitche's rule takes O(n²), Exponential O(n) times the number of its terms.
 
     Parameters
     ----------
     g : array_like (n+1, ...)
         As for `integrate`, in the unit of f per second or of f; one sample is enough.
     dt : float, seconds
-        Step size.
+        Step size; None with `t`.
     rule : Rule or str
         How to integrate.
     kernel : Kernel
@@ -116,11 +163,16 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
         f(t_0), in the unit of f.
     input : {"rate", "slip"}
         What the samples are.
+    t : array_like (n+1,), seconds
+        The times of the samples, if they are not uniform, as for `integrate`.
+    gaps : {"raise", "bridge"}
+        What is done where samples are missing, as for `integrate`; times may be missing there too. H is NaN there.
 
     Returns
     -------
     ndarray of float64, shape of `g`
-        H at every node, unit of f × s^(-1/2). Row 0 is K(0) times the initial slip: 0, ±inf, or finite for a bounded kernel.
+        H at every node, unit of f × s^(-1/2). Row 0 is K(0) times the initial slip: 0, ±inf, or finite for a bounded kernel; so is the second of two rows
+        at one instant where the slip jumps.
 
     Raises
     ------
@@ -137,7 +189,15 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     >>> H = basset.cumulate(np.ones(5), 0.25, basset.Daitche(order=1))  # f' = 1: H = 2√t
     >>> np.allclose(H, 2.0 * np.sqrt(0.25 * np.arange(5)), rtol=1e-14)
     True
+    >>> t = np.array([0.0, 0.1, 0.5, 0.6, 2.0])  # any times, a sample that is missing
+    >>> H = basset.cumulate([1.0, 1.0, np.nan, 1.0, 1.0], t=t, rule=basset.Exponential(order=3, rtol=1e-12), gaps="bridge")
+    >>> np.allclose(H, [0.0, 2.0 * 0.1**0.5, np.nan, 2.0 * 0.6**0.5, 2.0 * 2.0**0.5], rtol=1e-11, equal_nan=True)
+    True
     """
+    if t is not None or gaps != "raise":
+        found: Floats | None = _at_times(g, dt, t, rule, kernel, initial_slip, input, gaps, last=False)
+        if found is not None:
+            return found
     samples, dt, rule = _checked(g, dt, rule, kernel, input)
     if len(samples) < 1:
         raise ValueError("g must hold at least one sample along its first axis, got 0")
@@ -166,6 +226,84 @@ def cumulate(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel = _BASSET
     if not np.isfinite(result).all():
         raise _validate.not_finite(samples, 0)
     return _with_start(result, samples[0] if input == "slip" else jump, kernel).reshape(samples.shape)
+
+
+def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, initial_slip: ArrayLike, input: str, gaps: str, last: bool) -> Any:
+    """H at every node, or at the last alone, of samples that have times of their own or gaps to be bridged; None where there is no such thing."""
+    _validate.choice("gaps", gaps, GAPS)
+    if dt is not None and t is not None:
+        raise TypeError(f"dt must be left out where t is given, got {_validate.shown(dt)}: the steps are those of t")
+    samples, missing = _gaps(g, gaps)
+    if t is None and not missing.any():
+        return None
+    rule = resolve(rule)
+    if not isinstance(rule, (Daitche, Exponential)) or rule.order > HIGHEST:
+        what = "bridged gaps" if t is None else "samples at any times"
+        raise ValueError(f"rule must be Daitche(order) or Exponential(order, rtol) of order 1, 2 or 3 for {what}, got {_validate.shown(rule)}")
+    accept(rule.whole, kernel, input)
+    present, kind = samples[~missing], "two samples (one step)" if last else "one sample"
+    if len(present) < 1 + last:
+        raise ValueError(f"g must hold at least {kind} along its first axis, got {len(present)}")
+    if last and missing[-1]:
+        raise ValueError(f"g must have its last sample, where the integral is taken, got a missing one in row {len(samples) - 1}")
+    times = _validate.positive("dt", dt, "seconds") * np.flatnonzero(~missing) if t is None else _times(t, missing)
+    times = times - times[0]
+    jump, slip = _initial_slip(initial_slip, present, input), input == "slip"
+    columns = np.ascontiguousarray(present).reshape(len(present), -1)
+    leaps = np.zeros_like(columns)
+    if slip:
+        leaps[0] = columns[0]
+        leaps[1:][np.diff(times) == 0.0] = np.diff(columns, axis=0)[np.diff(times) == 0.0]
+    elif jump is not None:
+        leaps[0] = jump.ravel()
+    nodes = slice(len(times) - 1, None) if last else slice(None)
+    with np.errstate(all="ignore"):
+        if isinstance(rule, Exponential):
+            history = trajectory(times, columns, rule.order, rule.rtol, kernel, slip, leaps)[nodes]
+        else:
+            made = pieces(times, columns, rule.order, slip, leaps)
+            history = np.stack([row(made, n, kernel) for n in range(len(times))[nodes]])
+        if not np.isfinite(history).all():
+            raise _validate.not_finite(present, 0)
+        history += np.where(leaps[nodes] == 0.0, 0.0, leaps[nodes] * kernel(0.0))
+    if last:
+        return history.reshape(1, *samples.shape[1:])[0]
+    result = np.full(samples.shape, np.nan)
+    result[~missing] = history.reshape(present.shape)
+    return result
+
+
+def _gaps(g: ArrayLike, gaps: str) -> tuple[Floats, NDArray[np.bool_]]:
+    """Samples, and which of them are missing, wholly or in part: all are refused unless gaps are bridged."""
+    if gaps == "bridge" and isinstance(g, np.ma.MaskedArray):
+        g = np.where(np.ma.getmaskarray(g), np.nan, np.asarray(g.data, dtype=np.float64))
+    samples = _validate.real_array("g", g)
+    if samples.ndim == 0:
+        raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
+    missing = np.asarray(np.isnan(samples).reshape(len(samples), -1).any(axis=1))
+    if (missing.any() and gaps == "raise") or np.isinf(samples).any():
+        raise _validate.not_finite(samples if gaps == "raise" else np.where(np.isnan(samples), 0.0, samples), 0)
+    return samples, missing
+
+
+def _times(t: ArrayLike, missing: NDArray[np.bool_]) -> Floats:
+    """The times of the samples that are present."""
+    times = _validate.real_array("t", t)
+    if times.shape != missing.shape:
+        raise ValueError(f"t must have the shape {missing.shape}, one time for each sample of g, got {times.shape}")
+    rows = np.flatnonzero(~missing)
+    times = times[rows]
+    if not np.isfinite(times).all():
+        raise _validate.not_finite(times, 0, "t")
+    steps = np.diff(times)
+    if (steps < 0.0).any():
+        k = int(np.argmax(steps < 0.0))
+        raise ValueError("t must not fall, got {} after {} seconds in row {}".format(*_validate.apart(times[k + 1], times[k]), rows[k + 1]))
+    thrice = (steps[1:] == 0.0) & (steps[:-1] == 0.0)
+    if thrice.any():
+        k = int(np.argmax(thrice))
+        raise ValueError(f"t must hold an instant at most twice, before and after a jump, got {times[k]:g} seconds three times from row {rows[k]} on")
+    return times
 
 
 def _with_start(history: Floats, slip: Floats | None, kernel: Kernel) -> Floats:
@@ -199,12 +337,14 @@ def _streamed(samples: Floats, dt: float, recipe: Recipe, kernel: Kernel, jump: 
     return history
 
 
-def _checked(g: ArrayLike, dt: float, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
+def _checked(g: ArrayLike, dt: float | None, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
     samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _validate.real_array("g", g)
     if samples.ndim == 0:
         raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
     rule = resolve(rule)
     accept(rule, kernel, input)
+    if dt is None:
+        raise TypeError("dt must be a finite number greater than 0 (seconds), got None; or t must be given, the times of the samples")
     return samples, _validate.positive("dt", dt, "seconds"), rule
 
 
