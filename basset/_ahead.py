@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from basset._compile import compiled
+from basset.evaluate import cumulate
 from basset.exponentials import ExponentialSum
 from basset.kernels import VaryingSlipKernel
 from basset.quadrature import Daitche, Exponential, Windowed
@@ -40,6 +41,12 @@ def slips() -> None:
     plan.run(plan.start(), np.ones(9), slip=np.full(9, 0.05))
 
 
+def times() -> None:
+    """Samples at any times, by exponentials and by their definition."""
+    for rule in (Exponential(3, 1e-3), Daitche(3)):
+        cumulate(np.ones(5), t=[0.0, 1.0, 1.5, 3.0, 4.0], rule=rule)
+
+
 def python_functions() -> None:
     """Solvers of a fun in Python, with an event."""
     for method in (Collocation(rtol=1e-4), FixedStep(0.1, Daitche(1))):
@@ -54,6 +61,7 @@ def compiled_functions() -> None:
 TASKS: dict[str, Callable[[], None]] = {
     "streams of samples": streams,
     "streams with a slip-dependent kernel": slips,
+    "samples at any times": times,
     "solvers of a Python function": python_functions,
     "solvers of a compiled function": compiled_functions,
 }

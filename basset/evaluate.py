@@ -13,12 +13,13 @@ from basset.kernels import BassetKernel, Floats, Kernel
 from basset.quadrature import Daitche, Exponential, Rule, resolve
 from basset.quadrature.rule import accept
 from basset.streaming import Plan
-from basset.streaming.uneven import trajectory
+from basset.streaming.uneven import check_times, trajectory
 from basset.weights.table import TABLES, ByteCache, Recipe, filtered_by, step_factor, table
 from basset.weights.uneven import HIGHEST, pieces, row
 
 _BASSET, _DAITCHE = BassetKernel(), Daitche(order=3)
 GAPS = ("raise", "bridge")
+BRIDGE = "; gaps='bridge' leaves them out"
 PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 
 
@@ -129,7 +130,7 @@ def integrate(
         weights.grown = False
         TABLES.trim()
     if not np.isfinite(result).all():
-        raise _validate.not_finite(samples[n - used :], n - used)
+        raise _unfit(samples[n - used :], n - used)
     return result
 
 
@@ -224,7 +225,7 @@ def cumulate(
             result[1 : used + 1] += kernel._values(lags)[:, None] * jump.ravel()
     TABLES.trim()
     if not np.isfinite(result).all():
-        raise _validate.not_finite(samples, 0)
+        raise _unfit(samples, 0)
     return _with_start(result, samples[0] if input == "slip" else jump, kernel).reshape(samples.shape)
 
 
@@ -264,7 +265,7 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
             made = pieces(times, columns, rule.order, slip, leaps)
             history = np.stack([row(made, n, kernel) for n in range(len(times))[nodes]])
         if not np.isfinite(history).all():
-            raise _validate.not_finite(present, 0)
+            raise _unfit(present, 0)
         history += np.where(leaps[nodes] == 0.0, 0.0, leaps[nodes] * kernel(0.0))
     if last:
         return history.reshape(1, *samples.shape[1:])[0]
@@ -277,12 +278,10 @@ def _gaps(g: ArrayLike, gaps: str) -> tuple[Floats, NDArray[np.bool_]]:
     """Samples, and which of them are missing, wholly or in part: all are refused unless gaps are bridged."""
     if gaps == "bridge" and isinstance(g, np.ma.MaskedArray):
         g = np.where(np.ma.getmaskarray(g), np.nan, np.asarray(g.data, dtype=np.float64))
-    samples = _validate.real_array("g", g)
-    if samples.ndim == 0:
-        raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
+    samples = _samples(g)
     missing = np.asarray(np.isnan(samples).reshape(len(samples), -1).any(axis=1))
     if (missing.any() and gaps == "raise") or np.isinf(samples).any():
-        raise _validate.not_finite(samples if gaps == "raise" else np.where(np.isnan(samples), 0.0, samples), 0)
+        raise _unfit(samples if gaps == "raise" else np.where(np.isnan(samples), 0.0, samples), 0)
     return samples, missing
 
 
@@ -295,14 +294,7 @@ def _times(t: ArrayLike, missing: NDArray[np.bool_]) -> Floats:
     times = times[rows]
     if not np.isfinite(times).all():
         raise _validate.not_finite(times, 0, "t")
-    steps = np.diff(times)
-    if (steps < 0.0).any():
-        k = int(np.argmax(steps < 0.0))
-        raise ValueError("t must not fall, got {} after {} seconds in row {}".format(*_validate.apart(times[k + 1], times[k]), rows[k + 1]))
-    thrice = (steps[1:] == 0.0) & (steps[:-1] == 0.0)
-    if thrice.any():
-        k = int(np.argmax(thrice))
-        raise ValueError(f"t must hold an instant at most twice, before and after a jump, got {times[k]:g} seconds three times from row {rows[k]} on")
+    check_times(times, rows)
     return times
 
 
@@ -322,7 +314,7 @@ def _recipe(rule: Rule, dt: float, steps: int, kernel: Kernel) -> Recipe:
 def _streamed(samples: Floats, dt: float, recipe: Recipe, kernel: Kernel, jump: Floats | None) -> Floats:
     """H at every node by streaming: for rules whose far memory is a sum of exponentials."""
     if not np.isfinite(samples).all():
-        raise _validate.not_finite(samples, 0)
+        raise _unfit(samples, 0)
     steps = max(1, len(samples) - 1)
     plan = PLANS.get((recipe, dt, steps, kernel), lambda: Plan(recipe.within(steps), dt, steps, kernel))
     PLANS.trim()
@@ -333,14 +325,28 @@ def _streamed(samples: Floats, dt: float, recipe: Recipe, kernel: Kernel, jump: 
             history[1:] += plan.kernel_used(len(samples) - 1)[:, None] * jump.ravel()
     history = history.reshape(samples.shape)
     if not np.isfinite(history).all():
-        raise _validate.not_finite(samples, 0)
+        raise _unfit(samples, 0)
     return history
 
 
-def _checked(g: ArrayLike, dt: float | None, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
-    samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _validate.real_array("g", g)
+def _samples(g: ArrayLike) -> Floats:
+    try:
+        samples = g if type(g) is np.ndarray and g.dtype == np.float64 else _validate.real_array("g", g)
+    except _validate.MissingError as error:
+        raise _validate.MissingError(f"{error}{BRIDGE}") from None
     if samples.ndim == 0:
         raise ValueError(f"g must be an array of samples along its first axis, got the single number {samples[()]}")
+    return samples
+
+
+def _unfit(samples: Floats, offset: int) -> ValueError:
+    """Why the result for these samples is not finite."""
+    error = _validate.not_finite(samples, offset)
+    return ValueError(f"{error}{BRIDGE}") if str(error).endswith(_validate.FILL) else error
+
+
+def _checked(g: ArrayLike, dt: float | None, rule: Rule | str, kernel: Kernel, input: str) -> tuple[Floats, float, Rule]:
+    samples = _samples(g)
     rule = resolve(rule)
     accept(rule, kernel, input)
     if dt is None:

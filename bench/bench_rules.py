@@ -60,3 +60,16 @@ def bench_every_node(benchmark, samples, name):
         assert np.abs(basset.cumulate(**samples, rule=RULES[name])[half:] - exact).max() < ALLOWED[name]
 
     benchmark(call)
+
+
+def bench_a_million_samples_at_any_times(benchmark):
+    """Each node moved by up to 0.4 of a step; to 1e-9 at every node from the third on."""
+    steps = 1_000_000
+    t = (np.arange(steps + 1) + np.random.default_rng(0).uniform(-0.4, 0.4, steps + 1)) * 1e-3
+    t -= t[0]
+    g, exact = np.cos(t), PROBLEM.exact(t)
+
+    def call():
+        assert np.abs(basset.cumulate(g, t=t, rule=basset.Exponential(3, 1e-10)) - exact)[2:].max() < 1e-9
+
+    benchmark.pedantic(call, rounds=5, warmup_rounds=1)

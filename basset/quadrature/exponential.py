@@ -7,12 +7,14 @@ from typing import ClassVar
 
 from basset import _validate
 from basset.exponentials import ExponentialSum
-from basset.kernels import AnyKernel, VaryingSlipKernel
+from basset.kernels import AnyKernel, BassetKernel, Kernel, VaryingSlipKernel
 from basset.quadrature.daitche import Daitche
-from basset.quadrature.rule import Rule
+from basset.quadrature.rule import Rule, accept
 from basset.spectrum import following_sum
+from basset.streaming.uneven import UnevenPlan
 from basset.weights.polynomials import MAXIMUM_ORDER, Product
 from basset.weights.table import Recipe
+from basset.weights.uneven import HIGHEST
 
 
 @dataclass(frozen=True)
@@ -83,3 +85,38 @@ class Exponential(Rule):
         else:
             tail = ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), self.rtol, kernel)  # a jump may lie before the first sample
         return Recipe(Product(self.order), steps, tail, self.order)
+
+    def uneven_plan(self, horizon: float, shortest: float | None = None, kernel: Kernel = BassetKernel()) -> UnevenPlan:
+        """Make the rule ready to stream samples at any times, with the same promise: all set-up happens here. Order 1, 2 or 3.
+
+        Parameters
+        ----------
+        horizon : float, seconds
+            The longest time that will be remembered, counted from the first sample.
+        shortest : float, seconds, or None
+            The shortest step between two samples: the longer, the fewer terms. None: 1e-11 of the horizon.
+        kernel : Kernel
+            The memory kernel K.
+
+        Returns
+        -------
+        basset.streaming.uneven.UnevenPlan
+
+        Raises
+        ------
+        ValueError, TypeError
+            If a parameter is out of range, or no sum keeps the promise.
+
+        Examples
+        --------
+        >>> import basset
+        >>> plan = basset.Exponential(order=1, rtol=1e-9).uneven_plan(horizon=4.0, shortest=1e-3)
+        >>> float(plan.run(plan.start(), [1.0, 1.0, 1.0], [0.0, 0.5, 4.0])[-1].round(6))  # f' = 1: H = 2√t
+        4.0
+        """
+        accept(self, kernel, "rate")
+        horizon = _validate.positive("horizon", horizon, "seconds")
+        shortest = 1e-11 * horizon if shortest is None else _validate.positive("shortest", shortest, "seconds")
+        if self.order > HIGHEST:
+            raise ValueError(f"order must be from 1 to {HIGHEST} at any times, got {self.order}")
+        return UnevenPlan(self.order, self.rtol, shortest, horizon, kernel)

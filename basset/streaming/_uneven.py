@@ -103,10 +103,11 @@ def add(terms, own, q):
 
 
 def _make_run(digest: str) -> Callable[..., Any]:
-    def run(t, g, first, begin, order, slip, weights, rates, near, local, terms, history, own, other, total, places, picked, q, early):
+    def run(t, g, first, begin, order, slip, weights, rates, near, local, impulse, terms, history, own, other, total, places, picked, q, early):
         """Accept samples g[first:] at t[first:]; what stands before them is known already. H into history[first:]; the begin of the segment is returned.
 
-        `terms` (components, terms) hold what is older than the panel before the newest sample; `local` moments of what the sum leaves of K, up to `near`.
+        `terms` (components, terms) hold what is older than the panel before the newest sample; `local` moments of what the sum leaves of K, up to `near`;
+        by `impulse` (components,) f jumps at the last sample known.
         """
         digest  # noqa: B018 - part of the cache key
         components = g.shape[1]
@@ -130,6 +131,11 @@ def _make_run(digest: str) -> Callable[..., Any]:
                 for c in range(components):
                     through(t, g, c, n - 1, count, places, picked, slip, q)
                     enter(terms[c], own, q)
+            if n == first:
+                for c in range(components):
+                    for i in range(len(weights)):
+                        terms[c, i] += weights[i] * impulse[c]
+                    impulse[c] = 0.0
             if known < n:
                 for c in range(components):
                     history[n, c] = history[n - 1, c] if n > 0 else 0.0

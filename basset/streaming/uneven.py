@@ -10,41 +10,287 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from basset.exponentials import ExponentialSum
+from basset import _validate
+from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, MeiAdrianKernel
 from basset.streaming._uneven import decays, run
+from basset.streaming.state import Array, owned, sample_of
+from basset.weights._panels import DEPTH
 from basset.weights.uneven import pieces, row
 
-
-def local_moments(kernel: Kernel, tail: ExponentialSum) -> Floats:
-    """∫ (K − sum) (s/near)^m ds up to the lag at which the sum begins, m = 0 … 3: (4,), s^(1/2)."""
-    x, w = kernel.rule(0.0, tail.near)
-    total = np.empty(4)
-    decays(np.array(tail.weights), np.array(tail.rates), tail.near, np.empty((6, len(tail))), total)
-    return np.asarray(w @ x[:, None] ** np.arange(4) - total)
+KEPT = DEPTH + 2
+ROUNDED = 1.0 - 1e-6  # steps that differ by rounding are equal
+SHORTEST = 1.000000001e-12  # of the time to be remembered, where sums cover twelve decades
 
 
-def least_near(kernel: Kernel, far: float) -> float:
-    """The shortest lag from which a sum can be had that reaches `far` seconds, in seconds."""
-    shortest = far * 1e-12
-    if isinstance(kernel, MeiAdrianKernel) and math.isfinite(kernel.bend):
-        return max(shortest, 1e-12 * kernel.bend) * (1.0 + 1e-9)
-    return shortest * (1.0 + 1e-9)
+class Planned(NamedTuple):
+    """A sum of exponentials, and the moments ∫ (K − sum) (s/near)^m ds, m = 0 … 3, up to the lag at which it begins."""
+
+    tail: ExponentialSum
+    weights: Floats
+    rates: Floats
+    local: Floats
+
+    def advance(self, order: int, slip: bool, t: Floats, g: Floats, first: int, begin: int, impulse: Floats, terms: Floats, history: Floats) -> int:
+        """`_uneven.run`, with room to work in."""
+        own, other = np.empty((2, 6, len(self.rates)))
+        room = (own, other, np.empty(4), np.empty(2), np.empty(2, dtype=np.int64), np.empty(4), np.empty((g.shape[1], 4)))
+        return int(run(t, g, first, begin, order, slip, self.weights, self.rates, self.tail.near, self.local, impulse, terms, history, *room))
 
 
 @lru_cache(maxsize=64)
-def planned(kernel: Kernel, rtol: float, near: float, far: float) -> tuple[ExponentialSum, Floats]:
-    """The sum from `near` to `far`, and `local_moments`."""
-    tail = ExponentialSum.fit(near, far, rtol, kernel)
-    return tail, local_moments(kernel, tail)
+def planned(kernel: Kernel, rtol: float, near: float, far: float) -> Planned:
+    """A sum for K from `near` to `far`. It begins later where none is so long: tables and fits cover twelve decades."""
+    endless = _has_geometric(kernel)
+    if not endless:
+        near = max(near, far * SHORTEST)
+        if isinstance(kernel, MeiAdrianKernel) and near < SHORTEST * kernel.bend < far:
+            near = SHORTEST * kernel.bend
+    far = max(far, 2.0 * near)
+    try:
+        tail = ExponentialSum.fit(near, far, rtol, kernel)
+    except ValueError:
+        if not endless:
+            raise
+        tail = _geometric(near, far, rtol, kernel)
+    weights, rates, total = np.array(tail.weights), np.array(tail.rates), np.empty(4)
+    decays(weights, rates, near, np.empty((6, len(tail))), total)
+    x, w = kernel.rule(0.0, near)
+    return Planned(tail, weights, rates, w @ x[:, None] ** np.arange(4) - total)
+
+
+def check_times(t: Floats, rows: NDArray[np.integer[Any]], shortest: float = 0.0) -> None:
+    """Refuse times that fall, that stand more than twice, and steps that are too short.
+
+    Parameters
+    ----------
+    t : ndarray (nodes,), seconds
+    rows : ndarray (nodes,)
+        Their numbers, for messages.
+    shortest : float, seconds
+
+    Raises
+    ------
+    ValueError
+    """
+    steps = np.diff(t)
+    if (steps < 0.0).any():
+        k = int(np.argmax(steps < 0.0))
+        raise ValueError("t must not fall, got {} after {} seconds in row {}".format(*_validate.apart(t[k + 1], t[k]), rows[k + 1]))
+    thrice = (steps[1:] == 0.0) & (steps[:-1] == 0.0)
+    if thrice.any():
+        k = int(np.argmax(thrice)) + 2
+        raise ValueError(f"t must hold an instant at most twice, before and after a jump, got {t[k]:g} seconds for the third time in row {rows[k]}")
+    short = (steps > 0.0) & (steps < shortest * ROUNDED)
+    if short.any():
+        k = int(np.argmax(short))
+        raise ValueError(
+            "t must rise by {} seconds or more, the shortest step planned, got {} before row {}".format(*_validate.apart(shortest, steps[k]), rows[k + 1])
+        )
 
 
 def halved(x: float, up: bool) -> float:
     """The next power of √2: paths of about the same steps and length then have one sum."""
     return float(2.0 ** ((math.ceil if up else math.floor)(2.0 * math.log2(x)) / 2.0))
+
+
+class UnevenState(NamedTuple):
+    """The state of a stream at any times: float64 arrays only, as `basset.streaming.state.State`."""
+
+    samples: Array  # (components, KEPT), unit of f per second: the newest ones, the newest last
+    terms: Array  # (components, terms), unit of H: the exponentials, without the newest panel
+    impulse: Array  # (components, 1), unit of f: by how much f jumps at the newest sample
+    history: Array  # shape of one sample: H at the newest one
+    times: Array  # (KEPT,), seconds: of the samples
+    counters: Array  # (3,): samples so far, where the segment begins among those that are kept, time of the first sample
+
+
+class UnevenPlan:
+    """`Exponential` made ready to stream at any times; create it with `Exponential.uneven_plan(horizon)`.
+
+    Parameters
+    ----------
+    order : int
+        Degree of the polynomials, 1 to 3.
+    rtol : float, dimensionless
+        Promised relative error of the kernel.
+    shortest : float, seconds
+        The shortest step.
+    horizon : float, seconds
+        The longest time that will be remembered.
+    kernel : Kernel
+        The memory kernel K.
+
+    Attributes
+    ----------
+    order, horizon, kernel : as given
+    shortest : float, seconds
+        The shortest step that may be taken: longer than given where no sum for the kernel is so long.
+    tail_sum : ExponentialSum
+        The sum that stands for the kernel from that lag on.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Exponential.uneven_plan`.
+
+    Examples
+    --------
+    >>> import basset
+    >>> plan = basset.Exponential(order=3, rtol=1e-10).uneven_plan(horizon=10.0)
+    >>> state = plan.start()
+    >>> for t in (0.0, 0.1, 0.3, 1.0, 1.44):
+    ...     plan.push(state, 1.0, t)  # f' = 1: H = 2√t
+    >>> round(plan.value(state), 8)
+    2.4
+    """
+
+    def __init__(self, order: int, rtol: float, shortest: float, horizon: float, kernel: Kernel) -> None:
+        self.order, self.kernel, self.horizon = order, kernel, horizon
+        self._planned = planned(kernel, rtol, shortest * ROUNDED, horizon)
+        self.tail_sum = self._planned.tail
+        self.shortest = self.tail_sum.near / ROUNDED
+
+    def start(self, shape: tuple[int, ...] | int = ()) -> UnevenState:
+        """An empty state for samples of that shape.
+
+        Parameters
+        ----------
+        shape : tuple of int or int
+            Shape of one sample.
+
+        Returns
+        -------
+        UnevenState
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the shape is not made of whole numbers of 0 or more.
+        """
+        shape = shape if isinstance(shape, tuple) else (shape,)
+        components = math.prod(_validate.integer("shape", size, 0) for size in shape)
+        samples, terms, impulse = (np.zeros((components, width)) for width in self._widths.values())
+        return UnevenState(samples, terms, impulse, np.zeros(shape), np.zeros(KEPT), np.zeros(3))
+
+    def push(self, state: UnevenState, g: ArrayLike, t: float) -> None:
+        """Accept the next sample, in place.
+
+        Parameters
+        ----------
+        state : UnevenState
+            Changed in place.
+        g : array_like, shape of one sample, unit of f per second
+            The rate df/dt.
+        t : float, seconds
+            Its time: after the last one by the shortest step or more, or the same again where the rate jumps.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the sample has another shape, a number is not finite, the time falls, the step is too short or the horizon exceeded; the state is then
+            unchanged.
+        """
+        self._own(state)
+        self.run(state, sample_of("g", g, state.history.shape)[None], [_validate.number("t", t)])
+
+    def run(self, state: UnevenState, G: ArrayLike, t: ArrayLike) -> Array:
+        """Accept a block of samples, in place, and return H at each of them.
+
+        Parameters
+        ----------
+        state : UnevenState
+            Changed in place.
+        G : array_like (steps, *shape), unit of f per second
+            Rates df/dt.
+        t : array_like (steps,), seconds
+            Their times.
+
+        Returns
+        -------
+        ndarray of float64 (steps, *shape), unit of f × s^(-1/2)
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `push`; the state is then unchanged.
+        """
+        self._own(state)
+        shape, count, begin = state.history.shape, int(state.counters[0]), int(state.counters[1])
+        rates, times = _validate.real_array("G", G), _validate.real_array("t", t)
+        if rates.shape[1:] != shape or rates.ndim == 0:
+            raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        if times.shape != rates.shape[:1]:
+            raise ValueError(f"t must have the shape {rates.shape[:1]}, one time for each sample, got {times.shape}")
+        for name, values in (("G", rates), ("t", times)):
+            if not np.isfinite(values).all():
+                raise _validate.not_finite(values, 0, name)
+        if not len(rates):
+            return rates
+        kept = min(count, KEPT)
+        times = np.concatenate([state.times[KEPT - kept :], times])
+        rates = np.ascontiguousarray(np.concatenate([state.samples[:, KEPT - kept :].T, rates.reshape(len(rates), -1)]))
+        check_times(times, np.arange(len(times)) - kept, self.shortest)
+        start = state.counters[2] if count else times[0]
+        if times[-1] - start > self.tail_sum.far:
+            raise ValueError(
+                "horizon must cover the stream, {} seconds from its first sample on, got {}".format(*_validate.apart(times[-1] - start, self.horizon))
+            )
+        history = np.zeros_like(rates)
+        history[kept - 1 : kept] = state.history.ravel()
+        begin = self._planned.advance(self.order, False, times, rates, kept, begin, state.impulse.reshape(-1), state.terms, history)
+        held = min(len(times), KEPT)
+        state.samples[:, KEPT - held :], state.times[KEPT - held :] = rates[-held:].T, times[-held:]
+        state.history[...] = history[-1].reshape(shape)
+        state.counters[:] = count + len(rates) - kept, begin - (len(times) - held), start
+        return history[kept:].reshape(-1, *shape)
+
+    def value(self, state: UnevenState) -> Any:
+        """H at the newest sample, shape of one sample; 0 after the first one.
+
+        Parameters
+        ----------
+        state : UnevenState
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+        """
+        return state.history.copy() if state.history.ndim else float(state.history)
+
+    def jump(self, state: UnevenState, delta: ArrayLike) -> None:
+        """Remember a jump of f at the newest sample, in place: it adds delta·K from the next one on.
+
+        Parameters
+        ----------
+        state : UnevenState
+            With at least one sample; changed in place.
+        delta : array_like, number or shape of one sample, unit of f
+            f after minus f before. Where the rate jumps too, push its new value next, at the same time: no polynomial straddles the jump then.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If there is no sample yet, a shape is wrong or a number is not finite.
+        """
+        self._own(state)
+        if not state.counters[0]:
+            raise ValueError("jump needs a first sample: push it before the jump, got an empty state")
+        state.impulse[:, 0] += sample_of("delta", delta, state.history.shape, number=True).ravel()
+
+    @property
+    def _widths(self) -> dict[str, int]:
+        return {"samples": KEPT, "terms": len(self.tail_sum), "impulse": 1}
+
+    def _own(self, state: UnevenState) -> None:
+        owned(state, UnevenState, self._widths)
+        if state.times.shape != (KEPT,) or state.counters.shape != (3,):
+            raise ValueError(f"state must belong to this plan: state.times and state.counters must have the shapes {(KEPT,)} and (3,)")
 
 
 def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, slip: bool, leaps: Floats) -> Floats:
@@ -70,14 +316,9 @@ def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, sl
     if not len(steps):
         return history
     far = halved(float(t[-1]), up=True)
-    near = max(halved(float(steps.min()), up=False), least_near(kernel, far))
-    far = max(far, 2.0 * near)
-    tail, local = planned(kernel, rtol, near, far)
-    weights, rates = np.array(tail.weights), np.array(tail.rates)
-    terms = leaps[0][:, None] * weights
-    room = (np.empty((6, len(tail))), np.empty((6, len(tail))), np.empty(4), np.empty(2), np.empty(2, dtype=np.int64), np.empty(4), np.empty((g.shape[1], 4)))
-    run(t, g, 1, 0, order, slip, weights, rates, near, local, terms, history, *room)
-    shorter = np.flatnonzero((np.diff(t) < near) & (np.diff(t) > 0.0)) + 1
+    found = planned(kernel, rtol, halved(float(steps.min()), up=False), far)
+    found.advance(order, slip, t, g, 1, 0, leaps[0].copy(), np.zeros((g.shape[1], len(found.tail))), history)
+    shorter = np.flatnonzero((np.diff(t) < found.tail.near) & (np.diff(t) > 0.0)) + 1
     if len(shorter):  # K beyond the newest panel
         made = pieces(t, g, order, slip, leaps)
         for n in shorter:

@@ -10,7 +10,7 @@ import numpy as np
 from basset._compile import compiled, shared
 
 DEPTH = 8  # older samples that are looked at
-LIMIT = 10.0  # how much an error of a sample may be magnified
+LIMIT = 10.0  # of the weight of a sample in a polynomial
 
 
 @shared
