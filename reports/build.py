@@ -25,7 +25,7 @@ from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
 
-ORDER = ("quadrature", "memory", "advice", "solver", "stepper", "saltation", "measured", "blind", "choosing", "flights", "scenes", "grains")  # others follow
+ORDER = ("quadrature", "memory", "advice", "how_to_choose", "solver", "stepper", "saltation", "measured", "blind", "choosing", "flights", "scenes", "grains")
 FOUND = sorted(path.stem for path in (HERE / "templates").glob("*.md"))
 PAGES: tuple[Page, ...] = tuple(importlib.import_module(f"reports.{name}").PAGE for name in dict.fromkeys((*ORDER, *FOUND)))
 WRITTEN = ("guide", "thesis")  # pages without data, written by hand
@@ -49,10 +49,8 @@ def committed(file: str) -> str:
 def made(page: Page, data: dict[str, Record], old: dict[str, Record]) -> Page:
     """A page with its text, its figures beside it. One that shows nothing but `old` data is the committed page, if there is one."""
     said = {name: old[name] for name in page.suites if name in old}
-    if said.keys() != {name for name in page.suites if name in data} or not (HERE / page.file).exists():
-        text = page.build(data)
-    else:
-        text = committed(page.file)
+    kept_whole = said.keys() == {name for name in page.suites if name in data} and (HERE / page.file).exists()
+    text = committed(page.file) if kept_whole else page.build(data)
     return replace(page, text=text.replace("\n\n", f"\n\n*{kept(said)}*\n\n", 1) if said else text)
 
 

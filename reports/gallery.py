@@ -13,7 +13,7 @@ from matplotlib import cycler
 from matplotlib.figure import Figure
 
 from basset._look import BLUE, GREEN, LOOK, ORANGE, PINK, RED
-from reports.site.page import HERE, Page, folder, save
+from reports.site.page import HERE, Page, save
 
 FILE = "examples.md"
 ORDER = (
@@ -43,7 +43,7 @@ def run(path: Path) -> tuple[Figure, str, str]:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[path.stem] = module  # the compiler looks a function's module up
-    with mpl.rc_context(STYLE), contextlib.redirect_stdout(io.StringIO()) as said:
+    with contextlib.redirect_stdout(io.StringIO()) as said:
         spec.loader.exec_module(module)
         figure = module.example()
     return figure, str(module.__doc__).split("\n")[0], said.getvalue().strip().split("\n")[-1].replace("e-0", "e-")
@@ -53,8 +53,9 @@ def made() -> str:
     """The page, every example run and its figure saved."""
     parts = ["# Examples", OPENING]
     for path in EXAMPLES:
-        figure, about, number = run(path)
-        shown = save(figure, f"example_{path.stem}")
+        with mpl.rc_context(STYLE):
+            figure, about, number = run(path)
+            shown = save(figure, f"example_{path.stem}")
         title = path.stem.replace("_", " ").capitalize().replace("cfd", "CFD").replace("Ptv", "PTV")
         parts += [f"## {title}", about, f"Its number: {number}. The file: [{path.name}](examples/{path.name}).", shown]
     return "\n\n".join(parts)

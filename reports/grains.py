@@ -295,7 +295,7 @@ def grains(data: dict[str, Record]) -> str:
     """The page reports/grains.md."""
     found, timed = data["chapter4"], data["grains"]
     study, own = found["study"], picture(found)
-    film.animate(own, folder() / "figures" / "sand_cloud.gif", frames=80)
+    film.animate(own, folder() / "figures" / "sand_cloud.gif", frames=60)
     plots = {
         name: save(cloud_plots.CLOUD_PLOTS[name](own), f"grains_{name}")
         for name in ("three_dimensional", "plan", "pair", "snapshots", "grain_history", "profiles")

@@ -1,4 +1,4 @@
-"""A steel ball bounces in silicone oil as Gondret, Lance & Petit (2002) measured: with the restitution of dry contact, if the history remembers the impact."""
+"""A steel ball's first bounce in silicone oil as Gondret, Lance & Petit (2002) measured it: with the dry restitution, if the history remembers the impact."""
 
 import numba
 import numpy as np
@@ -47,7 +47,7 @@ def example() -> Figure:
     assert second[False] > 1.3 * 83.5 and apex[False] > 1.6 * 7.466
 
     axes.plot(*MEASURED.T, "ko", label="measured")
-    axes.set(xlabel="time after the first contact, ms", ylabel="gap under the ball, mm", title="A steel ball bounces as measured if its history is remembered")
+    axes.set(xlabel="time after the first contact, ms", ylabel="gap under the ball, mm", title="The first bounce is as measured if its history is remembered")
     axes.legend()
     print(f"back on the wall after {second[True]:.1f} ms, measured 83.5 ms; without the history force {second[False]:.0f} ms")
     return figure

@@ -32,8 +32,8 @@ def example() -> Figure:
 
     figure = Figure(figsize=(5.4, 5.0), layout="constrained")
     axes = figure.subplots()
-    fine = np.linspace(-TURN, 2.0 * TURN, 241)
-    axes.contour(fine, fine, np.outer(np.sin(fine), np.sin(fine)), 8, colors="0.85", linewidths=0.8)
+    fine = np.linspace(0.0, np.pi, 41)
+    axes.contour(fine, fine, np.outer(np.sin(fine), np.sin(fine)), 4, colors="0.85", linewidths=0.8)
     axes.plot(*paths.transpose(2, 1, 0), color="C0")
     axes.plot(*starts.T, "ko", markersize=4, label="start")
     axes.plot(*exact[:, 20::20].reshape(-1, 2).T, ".", color="C1", label="exact flow, every 2 s")

@@ -35,13 +35,14 @@ def example() -> Figure:
     error = np.abs(found - found[:, :1] * outward).max()
     assert error < 1e-6
 
-    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     for axes, k, title in zip(figure.subplots(1, 3, sharex=True, sharey=True), range(3), ("at the start", "after half a turn", "after one turn"), strict=True):
         axes.plot(*without.position[:, k].values.T, ".", markersize=2, color="C1", rasterized=True, label="without history")
         axes.plot(*ds.position[:, k].values.T, ".", markersize=2, color="C0", rasterized=True, label="with history")
         axes.set(title=title, aspect="equal", xlabel="x, m", ylabel="y, m")
         axes.label_outer()
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", markerscale=4)
+    figure.suptitle("A thousand heavy spheres spiral out of a vortex, later with the history force")
     print(f"each of a thousand within {error:.0e} m of its exact place")
     return figure
 
