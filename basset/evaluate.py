@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, Kernel
-from basset.quadrature import Daitche, Exponential, Rule, resolve
+from basset.quadrature import Rule, resolve
 from basset.quadrature.rule import accept
 from basset.streaming import Plan
 from basset.streaming.uneven import check_times, trajectory
 from basset.weights.table import TABLES, ByteCache, Recipe, filtered_by, step_factor, table
-from basset.weights.uneven import HIGHEST, pieces, row
+from basset.weights.uneven import HIGHEST, at_node, pieces
 
-_BASSET, _DAITCHE = BassetKernel(), Daitche(order=3)
+_BASSET = BassetKernel()
 GAPS = ("raise", "bridge")
 BRIDGE = "; gaps='bridge' leaves them out"
 PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
@@ -26,7 +26,7 @@ PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 def integrate(
     g: ArrayLike,
     dt: float | None = None,
-    rule: Rule | str = _DAITCHE,
+    rule: Rule | str = "daitche",
     kernel: Kernel = _BASSET,
     initial_slip: ArrayLike = 0.0,
     input: str = "rate",
@@ -137,7 +137,7 @@ def integrate(
 def cumulate(
     g: ArrayLike,
     dt: float | None = None,
-    rule: Rule | str = _DAITCHE,
+    rule: Rule | str = "daitche",
     kernel: Kernel = _BASSET,
     initial_slip: ArrayLike = 0.0,
     input: str = "rate",
@@ -238,7 +238,8 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
     if t is None and not missing.any():
         return None
     rule = resolve(rule)
-    if not isinstance(rule, (Daitche, Exponential)) or rule.order > HIGHEST:
+    degree, rtol = rule.at_any_times
+    if not 1 <= degree <= HIGHEST:
         what = "bridged gaps" if t is None else "samples at any times"
         raise ValueError(f"rule must be Daitche(order) or Exponential(order, rtol) of order 1, 2 or 3 for {what}, got {_validate.shown(rule)}")
     accept(rule.whole, kernel, input)
@@ -259,11 +260,11 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
         leaps[0] = jump.ravel()
     nodes = slice(len(times) - 1, None) if last else slice(None)
     with np.errstate(all="ignore"):
-        if isinstance(rule, Exponential):
-            history = trajectory(times, columns, rule.order, rule.rtol, kernel, slip, leaps)[nodes]
+        if rtol:
+            history = trajectory(times, columns, degree, rtol, kernel, slip, leaps)[nodes]
         else:
-            made = pieces(times, columns, rule.order, slip, leaps)
-            history = np.stack([row(made, n, kernel) for n in range(len(times))[nodes]])
+            made = pieces(times, columns, degree, slip, leaps)
+            history = np.stack([at_node(made, n, kernel) for n in range(len(times))[nodes]])
         if not np.isfinite(history).all():
             raise _unfit(present, 0)
         history += np.where(leaps[nodes] == 0.0, 0.0, leaps[nodes] * kernel(0.0))

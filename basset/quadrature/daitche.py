@@ -61,6 +61,11 @@ class Daitche(Rule):
         """One more than the degree, p + 1."""
         return self.order + 1.0
 
+    @property
+    def at_any_times(self) -> tuple[int, float]:
+        """Those of this degree."""
+        return self.order, 0.0
+
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The whole history."""
         return Recipe(Product(self.order), degree=self.order)

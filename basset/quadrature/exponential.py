@@ -76,6 +76,11 @@ class Exponential(Rule):
         """Daitche's rule of the same order."""
         return Daitche(self.order)
 
+    @property
+    def at_any_times(self) -> tuple[int, float]:
+        """Those of this degree, by a sum."""
+        return self.order, self.rtol
+
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The newest panels, and a sum fitted to step and horizon."""
         steps = self.order // 2 + 1

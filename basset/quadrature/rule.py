@@ -72,6 +72,11 @@ class Rule(abc.ABC):
         """The same method over the whole history; itself where it has no window."""
         return self
 
+    @property
+    def at_any_times(self) -> tuple[int, float]:
+        """Dimensionless: the degree of polynomials through samples at any times, 0 for none, and the error of a sum in K's place, 0 for K itself."""
+        return 0, 0.0
+
     @abc.abstractmethod
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """What the method does at one step size: the one method that a rule must define.

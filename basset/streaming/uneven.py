@@ -22,7 +22,7 @@ from basset.positive_sums import positive_sum
 from basset.streaming._uneven import decays, run
 from basset.streaming.state import Array, owned, sample_of
 from basset.weights._panels import DEPTH
-from basset.weights.uneven import pieces, row
+from basset.weights.uneven import at_node, pieces
 
 KEPT = DEPTH + 2
 ROUNDED = 1.0 - 1e-6  # steps that differ by rounding are equal
@@ -366,5 +366,5 @@ def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, sl
     if len(shorter):  # K beyond the newest panel
         made = pieces(t, g, order, slip, leaps)
         for n in shorter:
-            history[n] = row(made, int(n), kernel)
+            history[n] = at_node(made, int(n), kernel)
     return history

@@ -94,7 +94,7 @@ def panel_moments(kernel: Kernel, near: Floats, sizes: Floats) -> Floats:
     return result
 
 
-def row(made: Pieces, n: int, kernel: Kernel) -> Floats:
+def at_node(made: Pieces, n: int, kernel: Kernel) -> Floats:
     """H at node n by its definition: (components,).
 
     Parameters
