@@ -35,7 +35,7 @@ def test_a_campaign_outlives_a_worker_of_a_cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(campaigns, "CHUNK", 60)  # one scene at a time
     runs, killed = scenes(), []
     with (
-        distributed.LocalCluster(n_workers=2, processes=True, threads_per_worker=1, dashboard_address=None, protocol="tcp://") as cluster,
+        distributed.LocalCluster(n_workers=2, processes=True, threads_per_worker=1, dashboard_address=":0", protocol="tcp://") as cluster,
         distributed.Client(cluster) as client,
     ):
         workers = sorted(client.run(os.getpid).values())
