@@ -503,7 +503,7 @@ def campaign(
     if what[0] == "grains":
         print_grains(out, tables)
     elif what[0] == "turbulence":
-        print_changes(out, tables["changes"])
+        print_turbulence(out, tables["changes"])
     elif tables:
         print_ranking(out, tables["ranking"])
     print_written(output)
@@ -920,7 +920,7 @@ def print_grains(out: Console, tables: dict[str, pd.DataFrame]) -> None:
     out.print(shown)
 
 
-def print_changes(out: Console, table: pd.DataFrame) -> None:
+def print_turbulence(out: Console, table: pd.DataFrame) -> None:
     """What turbulence and coupling change, with 95 % intervals over seeds."""
     shown = Table("laws", "R_p", "T", "variant", "height", "change", "length", "change", "velocity", "change", "status", box=None)
     for (laws, size, stage, variant), rows in table.groupby([*turbulence.RUN, "variant"], sort=False):

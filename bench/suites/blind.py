@@ -1,7 +1,7 @@
 """With laws chosen by their ranges alone, how many mean jumps lie where the regressions of measurements have them?
 
-The blind part flies the closures that `saltation.scene.valid.chosen` names, and nothing else, then the same in a turbulent stream. What follows changes them one
-at a time: after the fact, and no default follows from it.
+The blind part flies the closures that `saltation.scene.valid.chosen` names, and nothing else, then the same in a turbulent stream. What follows changes them
+one at a time, after the fact: no default follows from it.
 """
 
 from __future__ import annotations
