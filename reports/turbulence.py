@@ -22,9 +22,9 @@ THESIS_GAMMA = {"x": 0.7, "y": 0.6}  # along and across, with encounters
 NEAR = 2.0  # a rate within this factor is as Wong and Parker have it
 
 
-def stages_of(data: Record) -> list[float]:
-    """All T."""
-    return list(dict.fromkeys(row["stage"] for row in data["changes"]))
+def stages_of(data: Record, laws: str) -> list[float]:
+    """All T of a set of laws."""
+    return list(dict.fromkeys(row["stage"] for row in of(data["changes"], laws=laws)))
 
 
 def cells(data: Record, laws: str, size: float, variant: str, quantity: str) -> list[Record]:
@@ -60,7 +60,7 @@ def table_of(data: Record, laws: str, names: dict[str, str]) -> str:
     """Means and changes of some quantities."""
     lines = []
     for size in dict.fromkeys(size for own, size in labels(data) if own == laws):
-        for stage in stages_of(data):
+        for stage in stages_of(data, laws):
             for variant in VARIANTS:
                 own = {row["quantity"]: row for row in of(data["changes"], laws=laws, particle_reynolds=size, stage=stage, variant=variant)}
                 status = own["height"]["status"]
@@ -75,7 +75,7 @@ def rates(data: Record) -> list[Record]:
     """Factors of the bed load to Wong and Parker's by laws, R_p and T: bagnold, before, after, both; None where that has none."""
     found = []
     for laws, size in labels(data):
-        for stage in stages_of(data):
+        for stage in stages_of(data, laws):
             own = {row["variant"]: row for row in of(data["rows"], laws=laws, particle_reynolds=size, stage=stage)}
             reference = own["plain"]["wong_parker"]
             means = {(row["variant"], row["quantity"]): row["mean"] for row in of(data["changes"], laws=laws, particle_reynolds=size, stage=stage)}
@@ -177,18 +177,18 @@ def draw_profiles(data: Record) -> Any:
     """Intensities by formula and as grains see them; the mean stream before and after."""
     figure, axes = plt.subplots(1, 3, figsize=(11.0, 4.6))
     formulas = data["formulas"]
-    sampled = [("sand", "o", data["path"]["seen"]), ("finest grain", "^", data["fine"][-1])]
+    sampled = [("sand", "o", data["path"]["seen"]), ("lifted", "^", min(data["fine"], key=lambda row: row["ratio"]))]
     for name, axis, colour in (("along", "x", BLUE), ("across", "y", GREEN), ("up", "z", RED)):
         axes[0].plot(formulas[name], formulas["z"], color=colour, label=name)
         depth = formulas["depth"]
         for _, mark, seen in sampled[:1]:
             axes[0].plot([row[axis] for row in seen["rows"]], [row["z"] for row in seen["rows"]], mark, color=colour, mfc="none")
-        finest = sampled[1][2]
+        highest = sampled[1][2]
         axes[1].plot(formulas[name], np.array(formulas["z"]) / depth, color=colour)
-        axes[1].plot([row[axis] for row in finest["rows"]], [row["z"] / finest["depth"] for row in finest["rows"]], "^", color=colour, mfc="none")
+        axes[1].plot([row[axis] for row in highest["rows"]], [row["z"] / highest["depth"] for row in highest["rows"]], "^", color=colour, mfc="none")
     axes[0].set(xlabel="rms (u*)", ylabel="z (d)", yscale="log", title="sand, near the bed")
     axes[0].set_ylim(0.4, 20.0)
-    axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a grain of {1e3 * finest['diameter']:g} mm", ylim=(0.0, 1.0))
+    axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a grain of {1e3 * highest['diameter']:g} mm", ylim=(0.0, 1.0))
     axes[0].legend(fontsize=8)
     for variant, colour in (("coupling", ORANGE), ("both", RED)):
         stream = data["coupled"][variant]
@@ -255,6 +255,8 @@ def table_of_fine(data: Record) -> str:
         high = f"{row['mean_above']:.3g} ({row['rouse_above']:.3g})" if row["mean_above"] is not None else f"– ({row['rouse_above']:.3g})"
         numbers = [
             f"{1e3 * row['diameter']:g}",
+            f"{row['stage']:.3g}",
+            f"{row['wall_units']:.3g}",
             f"{row['ratio']:.2g}",
             f"{row['rouse']:.2g}",
             f"{row['depth']:.3g}",
@@ -262,12 +264,13 @@ def table_of_fine(data: Record) -> str:
             f"{100.0 * row['above']:.2g} %",
         ]
         lines.append([*numbers, high, row["status"] if row["status"] != "finished" else ""])
-    return table(["d (mm)", "w_s/u*", "Rouse's P", "h (d)", "mean height (d)", "time above 10 d", "mean height there (Rouse's)", ""], lines)
+    return table(["d (mm)", "T", "u* d/ν", "w_s/u*", "Rouse's P", "h (d)", "mean height (d)", "time above 10 d", "mean height there (Rouse's)", ""], lines)
 
 
 def lifted(data: Record) -> tuple[list[Record], list[Record]]:
-    """(runs with more than one per cent of the time above 10 d, the others)."""
-    return [row for row in data["fine"] if row["above"] > 0.01], [row for row in data["fine"] if row["above"] <= 0.01]
+    """Of the grain in ever faster streams: (runs with more than one per cent of the time above 10 d, the others)."""
+    runs = of(data["fine"], diameter=data["fine"][0]["diameter"])
+    return [row for row in runs if row["above"] > 0.01], [row for row in runs if row["above"] <= 0.01]
 
 
 def build(data: dict[str, Record]) -> str:

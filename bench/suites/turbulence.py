@@ -21,9 +21,11 @@ from saltation.study import turbulence as study
 
 STAGES_SHORT = (2.0, 3.0)
 SIZE, STAGE = 73.0, 2.5  # of the path and the profiles
-FINE = (0.4e-3, 0.3e-3, 0.2e-3, 0.14e-3, 0.11e-3, 0.085e-3)  # m, at T 2.5: w_s/u* from 3 down to 0.3
+LIFTED = 0.4e-3  # m: in ever faster streams, w_s/u* from 3 (T 2.7) down to 0.3
+FINE = 0.15e-3  # m: at the stage T 2.5, where its w_s/u* is 0.8 but the bed is smooth
+RATIOS = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3)
 FINE_DEPTH = 0.05  # m
-LASTING, LASTING_SHORT = 300.0, 40.0  # h/u*
+LASTING, LASTING_SHORT = 100.0, 10.0  # h/u*
 HIGH = 10.0  # d: above, a grain counts as lifted
 SPREAD = {"plain": ("plain", 1e3), "turbulence": ("turbulence", 1e3), "turbulence and rests": ("turbulence", 0.5)}  # variant, entrainment 1/s
 COUNTED, COUNTED_SHORT = 4000, 300  # jumps of a run that spreads
@@ -38,11 +40,14 @@ def settling(diameter: float, excess: float = 1.65, viscosity: float = 1e-6) -> 
     return excess * GRAVITY * diameter**2 / (18.0 * viscosity + math.sqrt(0.3 * excess * GRAVITY * diameter**3))
 
 
-def fine(diameter: float, lasting: float) -> Content:
-    """A scene of one fine grain for so many h/u*; its path is kept. A grain that lies still is picked up at the study's rate."""
+def fine(diameter: float, lasting: float, ratio: float | None = None) -> Content:
+    """A scene of one grain in a turbulent stream, of so many h/u*, with w_s/u* given, or at T 2.5; its path is kept."""
     content = study.content("valid", SIZE, STAGE, "turbulence")
     content["grain"]["diameter"] = diameter
     content["channel"]["depth"] = FINE_DEPTH
+    if ratio is not None:
+        del content["channel"]["transport_stage"]
+        content["channel"]["shear_velocity"] = settling(diameter) / ratio
     content["run"] = {"jumps": 1, "seed": 1}
     numbers = scene_of(content).numbers
     content["run"] = {"duration": lasting * FINE_DEPTH / numbers.velocity, "seed": 1, "longest_flight": LONG}
@@ -93,7 +98,15 @@ def suspended(result: Result) -> dict[str, Any]:
     high, depth = middle > HIGH, scene.channel.depth / numbers.diameter
     ratio = settling(numbers.diameter) / numbers.velocity
     power = ratio / scene.channel.von_karman
-    row = {"diameter": numbers.diameter, "ratio": ratio, "rouse": power, "depth": depth, "lasting": float(time[-1])}
+    row = {
+        "diameter": numbers.diameter,
+        "stage": numbers.stage,
+        "wall_units": numbers.reynolds,
+        "ratio": ratio,
+        "rouse": power,
+        "depth": depth,
+        "lasting": float(time[-1]),
+    }
     row |= {"mean": float(step @ middle / step.sum()), "above": float(step[high].sum() / step.sum())}
     row["mean_above"] = float(step[high] @ middle[high] / step[high].sum()) if high.any() else None
     row["rouse_above"] = rouse(power, HIGH, depth)
@@ -131,8 +144,8 @@ def spread(result: Result) -> dict[str, Any]:
 def tasks(full: bool) -> dict[Any, Task]:
     """All runs by what they are for."""
     found: dict[Any, Task] = {}
-    stages, seeds = (study.STAGES, study.SEEDS) if full else (STAGES_SHORT, study.SEEDS[:1])
     for laws in study.LAWS if full else study.LAWS[:1]:
+        stages, seeds = (study.STAGES if laws == "valid" else STAGES_SHORT, study.SEEDS) if full else (STAGES_SHORT, study.SEEDS[:1])
         for size in study.SCENES:
             for stage in stages:
                 for variant in study.VARIANTS:
@@ -144,8 +157,10 @@ def tasks(full: bool) -> dict[Any, Task]:
         found["coupled", variant] = Task(study.content("valid", SIZE, STAGE, variant), coupled)
     for name, (variant, entrainment) in SPREAD.items():
         found["spread", name] = Task(spreads(variant, entrainment, COUNTED if full else COUNTED_SHORT), spread)
-    for diameter in FINE if full else FINE[::3]:
-        found["fine", diameter] = Task(fine(diameter, LASTING if full else LASTING_SHORT), suspended)
+    lasting = LASTING if full else LASTING_SHORT
+    for ratio in RATIOS if full else RATIOS[2::3]:
+        found["fine", ratio] = Task(fine(LIFTED, lasting, ratio), suspended)
+    found["fine",] = Task(fine(FINE, lasting), suspended)
     return found
 
 

@@ -23,9 +23,11 @@ def test_rouse_s_mean_height_in_closed_form():
     assert suite.rouse(0.0, a, h) == pytest.approx(0.5 * (a + h), rel=1e-12)
 
 
-def test_fine_grains_reach_from_bed_load_to_suspension():
-    ratios = [suite.settling(d) / scene_of(suite.fine(d, 10.0)).numbers.velocity for d in suite.FINE]
-    assert ratios == sorted(ratios, reverse=True) and 2.5 < ratios[0] < 3.5 and 0.25 < ratios[-1] < 0.4
+def test_fine_grains_have_the_settling_velocities_they_are_called_by():
+    for ratio in suite.RATIOS:
+        numbers = scene_of(suite.fine(suite.LIFTED, 10.0, ratio)).numbers
+        assert suite.settling(suite.LIFTED) / numbers.velocity == pytest.approx(ratio, rel=1e-12) and numbers.stage > 1.0
+    assert scene_of(suite.fine(suite.FINE, 10.0)).numbers.stage == pytest.approx(suite.STAGE)
 
 
 def measured(folder):
@@ -42,14 +44,14 @@ def measured(folder):
     exponents = [{"axis": axis, "range": name, "gamma": 0.5, "interval": None} for axis in "xy" for name in ("within a jump", "between")]
     spread = {"duration": 1.0, "lag": lag, "x": lag, "y": 0.1 * lag, "exponents": exponents, "resting": 0.1, "status": "finished"}
     seen = {"status": "finished", "rows": [{"z": 1.0, "x": 2.0, "y": 1.0, "share": 1.0, "mean_up": 0.0}]}
-    fine = {"rouse": 1.0, "depth": 100.0, "mean": 3.0, "mean_above": None, "rouse_above": 30.0}
+    fine = {"stage": 2.5, "wall_units": 9.0, "rouse": 1.0, "depth": 100.0, "mean": 3.0, "mean_above": None, "rouse_above": 30.0}
     stream = {name: [1.0, 2.0] for name in ("height", "velocity_before", "velocity", "fluid_stress", "grain_stress")}
     content = {
         "depth": 0.1, "entrainment": 5.0, "tolerance": 0.05, "counted": 200, "high": 10.0, "fine_depth": 0.05, "size": 73.0, "stage": 2.5, "seeds": 1,
         "rows": rows, "changes": study.changes(pd.DataFrame(rows)).to_dict("records"), "formulas": suite.formulas(),
         "path": {"path": {name: [0.0, 1.0] for name in ("time", "x", "z", "u", "w", "eddy_x", "eddy_z", "mean")}, "seen": seen},
         "coupled": dict.fromkeys(("coupling", "both"), stream), "spread": [{"name": name, **spread} for name in suite.SPREAD],
-        "fine": [{"diameter": d, "ratio": ratio, "above": above, **fine, **seen} for d, ratio, above in ((7e-4, 3.0, 0.0), (7e-5, 0.3, 0.4))],
+        "fine": [{"diameter": d, "ratio": ratio, "above": above, **fine, **seen} for d, ratio, above in ((4e-4, 3.0, 0.0), (4e-4, 0.3, 0.4))],
         "provenance": {"command": "c", "date": "2026-11-30", "commit": "0", "processor": "p", "versions": "v"},
     }  # fmt: skip
     measure.write_json(folder / "turbulence.json", content)
@@ -63,5 +65,5 @@ def test_the_page_tells_rates_and_misses(tmp_path):
     with into(tmp_path):
         text = page.build({"turbulence": data})
     assert "4 to 4 times Wong and Parker's before" in text and "3 of 3 within a factor of 2" in text and "(R_p 73 at T 1.5)" in text
-    assert "from w_s/u* = 0.3 down and leave those from 3 up" in text
+    assert "0.4 mm from w_s/u* = 0.3 down and leave it at the bed from 3 up" in text
     assert len(list((tmp_path / "figures").glob("*.png"))) == 5
