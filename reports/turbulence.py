@@ -159,7 +159,7 @@ def draw_path(data: Record) -> Any:
     figure, axes = plt.subplots(3, 1, figsize=(10.0, 7.0), height_ratios=(1.2, 1.0, 1.0))
     axes[0].plot(path["x"], path["z"], color=BLACK, lw=1.0)
     few = slice(None, None, max(1, len(path["x"]) // 60))
-    axes[0].quiver(path["x"][few], path["z"][few], path["eddy_x"][few], path["eddy_z"][few], color=BLUE, angles="xy", width=0.0015, scale=60.0)
+    axes[0].quiver(path["x"][few], path["z"][few], path["eddy_x"][few], path["eddy_z"][few], color=BLUE, width=0.0015, scale=60.0)
     axes[0].set(xlabel="x (d)", ylabel="z (d)", title="the grain's path, and the fluctuation of the stream at the grain (arrows)")
     axes[1].plot(path["time"], path["mean"] + path["eddy_x"], color=BLUE, label="stream at the grain")
     axes[1].plot(path["time"], path["mean"], color=GREY, ls="--", label="its mean at that height")
@@ -177,18 +177,15 @@ def draw_profiles(data: Record) -> Any:
     """Intensities by formula and as grains see them; the mean stream before and after."""
     figure, axes = plt.subplots(1, 3, figsize=(11.0, 4.6))
     formulas = data["formulas"]
-    sampled = [("sand", "o", data["path"]["seen"]), ("lifted", "^", min(data["fine"], key=lambda row: row["ratio"]))]
+    sand, highest = data["path"]["seen"]["rows"], min(data["fine"], key=lambda row: row["ratio"])
     for name, axis, colour in (("along", "x", BLUE), ("across", "y", GREEN), ("up", "z", RED)):
         axes[0].plot(formulas[name], formulas["z"], color=colour, label=name)
-        depth = formulas["depth"]
-        for _, mark, seen in sampled[:1]:
-            axes[0].plot([row[axis] for row in seen["rows"]], [row["z"] for row in seen["rows"]], mark, color=colour, mfc="none")
-        highest = sampled[1][2]
-        axes[1].plot(formulas[name], np.array(formulas["z"]) / depth, color=colour)
-        axes[1].plot([row[axis] for row in highest["rows"]], [row["z"] / highest["depth"] for row in highest["rows"]], "^", color=colour, mfc="none")
+        axes[0].plot([row[axis] for row in sand], [row["height"] for row in sand], "o", color=colour, mfc="none")
+        axes[1].plot(formulas[name], np.array(formulas["z"]) / formulas["depth"], color=colour)
+        axes[1].plot([row[axis] for row in highest["rows"]], [row["height"] / highest["depth"] for row in highest["rows"]], "^", color=colour, mfc="none")
     axes[0].set(xlabel="rms (u*)", ylabel="z (d)", yscale="log", title="sand, near the bed")
     axes[0].set_ylim(0.4, 20.0)
-    axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a grain of {1e3 * highest['diameter']:g} mm", ylim=(0.0, 1.0))
+    axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a lifted grain, w_s/u* {highest['ratio']:.2g}", ylim=(0.0, 1.0))
     axes[0].legend(fontsize=8)
     for variant, colour in (("coupling", ORANGE), ("both", RED)):
         stream = data["coupled"][variant]
@@ -285,9 +282,13 @@ def build(data: dict[str, Record]) -> str:
     unsettled = sum(row["status"] == "unsettled" for row in own["rows"])
     halves = {name: within(found, name) for name in ("before", "after", "both")}
     nowhere = [f"{row['particle_reynolds']:g} at T {row['stage']:g}" for row in found if row["after"] is None and row["laws"] == LAWS[0]]
+    stages = {row["stage"] for row in own["rows"]}
+    laws = listed([LAW_NAMES[name] for name in dict.fromkeys(name for name, _ in labels(own))])
     return fill(
         "turbulence.md",
         own=own,
+        scope=f"sand and coarse sand, T {span(stages, '{:g}')}, {laws}",
+        seeds=f"{own['seeds']} seed{'s' if own['seeds'] > 1 else ''}",
         shaken=percents(shares(own, "turbulence")),
         felt=percents(shares(own, "coupling")),
         both=percents(shares(own, "both")),
@@ -300,7 +301,7 @@ def build(data: dict[str, Record]) -> str:
         near_both="{} of {}".format(*halves["both"]),
         near_threshold="{} of {}".format(*within(found, "after", "threshold")),
         thresholds=spread_of(found, "threshold"),
-        nowhere=listed([f"R_p {each}" for each in nowhere]),
+        nowhere=listed([f"R_p {each}" for each in nowhere], "nowhere here"),
         carried=span((100.0 * row["carried"] for row in found if row["carried"] is not None), "{:.0f}"),
         along=f"{between['x']['gamma']:.2f}" if between["x"] else "–",
         across=f"{between['y']['gamma']:.2f}" if between["y"] else "–",

@@ -77,7 +77,7 @@ def seen(result: Result) -> dict[str, Any]:
         share = weight[here] / weight[here].sum()
         rms = {axis: math.sqrt(share @ path[f"eddy_{axis}"].to_numpy()[here] ** 2) for axis in "xyz"}
         mean = float(share @ path["eddy_z"].to_numpy()[here])
-        rows.append({"z": float(share @ z[here]), "share": float(weight[here].sum() / weight.sum()), "mean_up": mean, **rms})
+        rows.append({"height": float(share @ z[here]), "share": float(weight[here].sum() / weight.sum()), "mean_up": mean, **rms})
     return {"status": result.status, "message": result.message, "jumps": len(result.jumps), "rows": rounded(rows)}
 
 

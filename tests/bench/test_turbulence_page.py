@@ -43,7 +43,7 @@ def measured(folder):
     lag = np.geomspace(0.02, 40.0, 30)
     exponents = [{"axis": axis, "range": name, "gamma": 0.5, "interval": None} for axis in "xy" for name in ("within a jump", "between")]
     spread = {"duration": 1.0, "lag": lag, "x": lag, "y": 0.1 * lag, "exponents": exponents, "resting": 0.1, "status": "finished"}
-    seen = {"status": "finished", "rows": [{"z": 1.0, "x": 2.0, "y": 1.0, "share": 1.0, "mean_up": 0.0}]}
+    seen = {"status": "finished", "rows": [{"height": 1.0, "z": 1.0, "x": 2.0, "y": 1.0, "share": 1.0, "mean_up": 0.0}]}
     fine = {"stage": 2.5, "wall_units": 9.0, "rouse": 1.0, "depth": 100.0, "mean": 3.0, "mean_above": None, "rouse_above": 30.0}
     stream = {name: [1.0, 2.0] for name in ("height", "velocity_before", "velocity", "fluid_stress", "grain_stress")}
     content = {
