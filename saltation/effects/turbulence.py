@@ -14,8 +14,8 @@ What falls through eddies sees them for a shorter time: T_L/√(1 + β²(4 v_r²
 The realisation: the clock of a grain's eddies runs by dτ/dt = 1/T, and ξ(τ), three for each grain, are sums of B-splines of degree 5 times numbers that are
 a function of (seed, grain, index): four times differentiable, with variance 1 and integral scale 1. w' = σ_w W, W = ξ_w + q, and
 u' = σ_u (√(1 − r²) ξ_u − r W), so that ⟨u'w'⟩ comes out. q is what keeps tracers well mixed (Thomson 1987): for a Gaussian ξ of autocorrelation R it is
-∫R T σ_w' dτ, since a Gaussian that is independent of z stays so if the drift of W's whole past is its covariance with W; R is met by a damped oscillator of the same
-integral and first moment. Of the drift of a tracer a grain has the share 1/(1 + τ_p/T_L) (Bocksell & Loth 2006), τ_p its relaxation time.
+∫R T σ_w' dτ, since a Gaussian that is independent of z stays so if the drift of W's whole past is its covariance with W; R is met by a damped oscillator
+of the same integral and first moment. Of the drift of a tracer a grain has the share 1/(1 + τ_p/T_L) (Bocksell & Loth 2006), τ_p its relaxation time.
 
 A grain is pushed by the fluid's own acceleration, (1 + C_m) Du_f/Dt along the path of the fluid: there the clock runs by T_L, and heights change by w'.
 """
@@ -81,8 +81,8 @@ FIRST = float((CORRELATION * (1.0 / (POWERS + 2.0) + WHOLE / (POWERS + 1.0))).su
 DAMPING = 0.5 / (1.0 - FIRST)  # R = e^(−aτ)(cos bτ + a/b sin bτ) has ∫R = 2a/(a² + b²) = 1 and ∫τR = 1 − 1/(2a)
 
 OCTAVES = (-10, 14)  # heights 2^-10 d to 2^14 d
-CELLS = 8  # per octave
-DEGREE = 7
+CELLS = 32  # per octave: w' falls to 0 within 0.05 h at the surface
+DEGREE = 5
 KINDS = 6  # of profiles: r σ_u, √(1 − r²) σ_u, σ_v, σ_w, 1/T_L², (β/(T_L σ))²
 LOWEST, HIGHEST_CELL = math.ldexp(1.0, OCTAVES[0]), math.nextafter(math.ldexp(1.0, OCTAVES[1]), 0.0)
 CELL = KINDS * (DEGREE + 1)
@@ -185,6 +185,12 @@ def build(options: Options, setting: Setting) -> Eddies | None:
     return Eddies(table, setting.seed, lag, 1.0 + numbers.added_mass)
 
 
+@shared
+def whole(number: Any) -> Any:
+    """A number that counts, as compiled code takes it."""
+    return np.int64(number)
+
+
 @separate
 def fill(e: Any, index: int, own: Any, base: int) -> None:
     """The interval number `index` between two knots as polynomials into own[base:]."""
@@ -192,7 +198,7 @@ def fill(e: Any, index: int, own: Any, base: int) -> None:
         own[base + k] = 0.0
     own[base] = index + 1.0
     for j in range(SPLINE + 1):
-        draws = uniforms(e.seed, np.int64(own[OWN - 1]), EDDIES + index + j)
+        draws = uniforms(e.seed, whole(own[OWN - 1]), EDDIES + index + j)
         size, other = math.sqrt(-2.0 * math.log(draws[0])), math.sqrt(-2.0 * math.log(draws[2]))
         one, two, three = size * math.cos(2.0 * math.pi * draws[1]), size * math.sin(2.0 * math.pi * draws[1]), other * math.cos(2.0 * math.pi * draws[3])
         for power in range(SPLINE + 1):
@@ -216,12 +222,12 @@ def horner(own: Any, base: int, x: float) -> tuple[float, float]:
 def eddy_at(e: Any, clock: float, own: Any) -> tuple[float, float, float, float, float, float]:
     """ξ_u, ξ_v, ξ_w at a reading of the clock, and their derivatives."""
     place = clock / KNOTS
-    whole = math.floor(place)
-    index = np.int64(whole)
+    below = math.floor(place)
+    index = whole(below)
     base = OWN + SLOT * (index & (SLOTS - 1))
-    if own[base] != whole + 1.0:
+    if own[base] != below + 1.0:
         fill(e, index, own, base)
-    x = place - whole
+    x = place - below
     u, du = horner(own, base + 1, x)
     v, dv = horner(own, base + 1 + (SPLINE + 1), x)
     w, dw = horner(own, base + 1 + 2 * (SPLINE + 1), x)
@@ -257,10 +263,10 @@ def one_of(table: int, cell: int, kind: int, x: float) -> tuple[float, float]:
 @separate
 def local(e: Any, z: float) -> Local:
     """The profiles at a height; below the bed level nothing moves."""
-    high = min(max(z, LOWEST), HIGHEST_CELL) if z == z else LOWEST  # NaN must not become an address
+    high = min(max(z, LOWEST), HIGHEST_CELL) if not math.isnan(z) else LOWEST  # NaN must not become an address
     mantissa, exponent = math.frexp(high)
     place = (mantissa - 0.5) * (2 * CELLS)
-    part = np.int64(place)
+    part = whole(place)
     cell = ((exponent - 1 - OCTAVES[0]) * CELLS + part) * CELL
     x, scale = 2.0 * (place - part) - 1.0, math.ldexp(4.0 * CELLS, -exponent)
     tied, tied_slope = one_of(e.table, cell, 0, x)
