@@ -155,10 +155,9 @@ class TestMotion:
 
     def test_a_particle_of_the_fluid_keeps_no_slip(self):
         """As heavy as the fluid, with added mass: nothing accelerates it against a turbulent stream with shear."""
+        changes = TURBULENT | {"effects": ["drag", "added_mass", "turbulence"], "bed": None, "run": {"jumps": None, "duration": 1.0}}
         channel = {"shear_velocity": 0.03, "transport_stage": None, "depth": 0.069}
-        made = scene(
-            "sand", **TURBULENT | {"effects": ["drag", "added_mass", "turbulence"], "channel": channel, "bed": None, "run": {"jumps": None, "duration": 1.0}}
-        )
+        made = scene("sand", **changes | {"channel": channel, "grain": {"density": 1000.0}})
         engine = Engine(made)
         eddies: Eddies = engine.eddies._replace(lag=0.0)
         y, rates = np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.3, 0.1, 0.05]), np.zeros(9)
