@@ -16,5 +16,6 @@ TOO_LONG = {
     "peers": "other packages",
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",
+    "turbulence": "a hundred thousand tracers, and four forms of flight to compile",
     "stepper": "all is compiled anew, four times",
 }
