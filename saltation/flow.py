@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -155,7 +156,7 @@ class Laden(Profile):
 
         start, own = math.log(max(self.floor, LOWEST)), np.log(self.heights)
         ends = np.concatenate([[start], own[own > start]])  # where what is interpolated has kinks
-        pieces = [np.linspace(a, b, max(4, math.ceil((b - a) / FINE)), endpoint=False) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        pieces = [np.linspace(a, b, max(4, math.ceil((b - a) / FINE)), endpoint=False) for a, b in itertools.pairwise(ends)]
         x = np.concatenate([*pieces, own[-1:]])
         z = np.exp(x)
         shear = np.array([self.base.extended(height)[1] for height in z])
