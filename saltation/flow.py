@@ -128,6 +128,7 @@ class Laden(Profile):
     """A profile that grains have taken the stress τ_p(z) from: at each height its shear times r, s r + (1 − s) r|r| = 1 − τ_p/(1 − z/h).
 
     s is the share of the stress that viscosity carries, the rest keeps its mixing length: √|τ_f|/(κz) for the logarithm. Without τ_p the profile itself.
+    Prandtl (1925), Z. Angew. Math. Mech. 5, 136; Owen (1964), J. Fluid Mech. 20, 225 (as in the project's notes).
     """
 
     base: Profile
