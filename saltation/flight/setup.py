@@ -280,24 +280,20 @@ class Engine:
 
     def rest(self, grain: int, state: stepper.State, spin: Floats, flight: Any) -> None:
         """Let a grain of that number rest where it has landed, and take off as at the start of the run; the rest is one of its draws."""
-        d, control, y = self.dimensions, state.control, state.y
+        d, control = self.dimensions, state.control
         rests, first = self.scene.rests, self.first()
         assert rests is not None
         draw = uniforms(self.scene.run.seed, grain, int(flight.impacts))[0]
         time = float(control[0].time) - math.log(draw) / (rests.entrainment * self.numbers.time)
-        u, v, w = first.velocity
-        x, across, z = float(y[0]), 0.0 if d == 2 else float(y[1]), float(y[d - 1])
-        y[d] += u - flight.u  # the stream stays, so slips change as velocities do
-        y[2 * d - 1] += w - flight.w
-        if d == 3:
-            y[d + 1] += v - flight.v
-        contact.set_spin(self.model, y, spin, *first.spin)
-        spin[3] = equations.layer_of(self.model, z, w)
+        y = state.y
+        place = (float(y[0]), 0.0 if d == 2 else float(y[1]), float(y[d - 1]))
+        y[:] = self.state_of(Start(place, first.velocity, first.spin))
         state.past[:] = 0.0
         state.jump[:] = y[d : d + self.members]
         control[:] = stepper.start_control(time, max(DEFAULT_FIRST, 2.0 * self.problem.floor), self.members > 0)
         control[0].refusals = NEVER
-        contact.take_off(flight, time, x, across, z, u, v, w)
+        spin[:] = *first.spin, equations.layer_of(self.model, place[2], first.velocity[2])
+        contact.take_off(flight, time, *place, *first.velocity)
         flight.impacts += 1
         flight.short = 0
 
