@@ -18,7 +18,7 @@ from saltation.scene import SceneError
 
 
 def coupled(name="sand", jumps=60, **changes):
-    return saltation.load(name).changed(run={"jumps": jumps, "discard": 10}, coupling="two_way").changed(**changes)
+    return scene(name, run={"jumps": jumps, "discard": 10}, coupling="two_way").changed(**changes)
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_a_layer_of_grains_makes_the_bed_rougher():
 )
 def test_what_makes_no_scene_is_one_sentence(changes, words):
     with pytest.raises(SceneError) as error:
-        saltation.load("sand").changed(**changes)
+        scene("sand").changed(**changes)
     assert words in str(error.value)
 
 
@@ -206,7 +206,7 @@ def resting_cloud(duration, **changes):
 
 
 def test_rests_are_exponential_and_the_balance_at_the_bed_holds():
-    made = saltation.load("sand").changed(run={"jumps": 600, "discard": 0}, rests={"entrainment": 5.0, "rise": 0.5})
+    made = scene("sand", run={"jumps": 600, "discard": 0}, rests={"entrainment": 5.0, "rise": 0.5})
     result = saltation.run(made)
     rests, mean = result.rests["duration"], 1.0 / (5.0 * made.numbers.time)
     assert len(rests) > 50 and abs(rests.mean() - mean) < 4.0 * mean / math.sqrt(len(rests))
@@ -225,7 +225,7 @@ def test_rests_are_exponential_and_the_balance_at_the_bed_holds():
 
 
 def test_grains_at_rest_stay_where_they_are_in_any_parts_and_blocks(tmp_path):
-    unit = saltation.load("sand_cloud").numbers.time
+    unit = scene("sand_cloud").numbers.time
     made = resting_cloud(60.0, rests={"entrainment": 0.1 / unit, "rise": 0.25}, cloud={"number": 12})
     whole = saltation.run(made)
     lying = whole.trajectory["u"].to_numpy() == 0.0
@@ -242,7 +242,7 @@ def test_grains_at_rest_stay_where_they_are_in_any_parts_and_blocks(tmp_path):
 
 
 def test_rests_slow_the_spreading():
-    unit = saltation.load("sand_cloud").numbers.time
+    unit = scene("sand_cloud").numbers.time
     made = resting_cloud(400.0, rests={"entrainment": 1e-4 / unit, "rise": 0.3}, cloud={"number": 60, "interval": 1.0})
     path = saltation.run(made).trajectory
     time, moments = path["time"].to_numpy(), statistics.moments_of_grains(path["time"], np.stack([path["x"], path["y"]], axis=-1))
