@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -127,6 +128,7 @@ class Laden(Profile):
     """A profile that grains have taken the stress τ_p(z) from: at each height its shear times r, s r + (1 − s) r|r| = 1 − τ_p/(1 − z/h).
 
     s is the share of the stress that viscosity carries, the rest keeps its mixing length: √|τ_f|/(κz) for the logarithm. Without τ_p the profile itself.
+    Prandtl (1925), Z. Angew. Math. Mech. 5, 136; Owen (1964), J. Fluid Mech. 20, 225 (as in the project's notes).
     """
 
     base: Profile
@@ -155,7 +157,7 @@ class Laden(Profile):
 
         start, own = math.log(max(self.floor, LOWEST)), np.log(self.heights)
         ends = np.concatenate([[start], own[own > start]])  # where what is interpolated has kinks
-        pieces = [np.linspace(a, b, max(4, math.ceil((b - a) / FINE)), endpoint=False) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        pieces = [np.linspace(a, b, max(4, math.ceil((b - a) / FINE)), endpoint=False) for a, b in itertools.pairwise(ends)]
         x = np.concatenate([*pieces, own[-1:]])
         z = np.exp(x)
         shear = np.array([self.base.extended(height)[1] for height in z])

@@ -114,7 +114,7 @@ def campaign(
         velocity (u*), spin (u*/d), takeoff_angle (degree) and abs_deviation_angle (the absolute value, degree); jumps (how many
         count); status and message as of `Result`; clipped and creeping, shares of those jumps. NaN where no jump counts. For
         many grains all this over the jumps of all, and bed_frequency and pair_frequency: impacts on the bed and encounters of
-        all grains per d/u*; NaN for a single grain. With two-way coupling bed_load and bed_load_before, q/√((s − 1) g d³) with the
+        all grains per d/u*; NaN for a single grain. With two-way coupling bed_load and bed_load_before (dimensionless), with the
         stream as the grains make it and without them; else NaN.
 
     Raises

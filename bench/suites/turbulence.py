@@ -14,14 +14,14 @@ import pandas as pd
 
 from bench.grains import Task, changed, rounded, run_all
 from saltation.effects.turbulence import profiles_of
-from saltation.grain import GRAVITY
 from saltation.results.result import Result
 from saltation.scene import scene_of
+from saltation.scene.conditions import settling_velocity
 from saltation.study import turbulence as study
 
 STAGES_SHORT = (2.0, 3.0)
 SIZE, STAGE = 73.0, 2.5  # of the path and the profiles
-LIFTED = 0.4e-3  # m: in ever faster streams, w_s/u* from 3 (T 2.7) down to 0.3
+LIFTED = 0.4e-3  # m: in ever faster streams, w_s/u* from 3 down to 0.3
 FINE = 0.15e-3  # m: at the stage T 2.5, where its w_s/u* is 0.8 but the bed is smooth
 RATIOS = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3)
 FINE_DEPTH = 0.05  # m
@@ -35,19 +35,16 @@ LONG = 1e7  # d/u*: no flight is too long
 Content = dict[str, Any]
 
 
-def settling(diameter: float, excess: float = 1.65, viscosity: float = 1e-6) -> float:
-    """w_s, m/s, of a sphere: Ferguson and Church (2004), J. Sediment. Res. 74, 933."""
-    return excess * GRAVITY * diameter**2 / (18.0 * viscosity + math.sqrt(0.3 * excess * GRAVITY * diameter**3))
-
-
 def fine(diameter: float, lasting: float, ratio: float | None = None) -> Content:
     """A scene of one grain in a turbulent stream, of so many h/u*, with w_s/u* given, or at T 2.5; its path is kept."""
     content = study.content("valid", SIZE, STAGE, "turbulence")
     content["grain"]["diameter"] = diameter
     content["channel"]["depth"] = FINE_DEPTH
     if ratio is not None:
+        speed = settling_velocity(scene_of(content))
+        assert speed is not None
         del content["channel"]["transport_stage"]
-        content["channel"]["shear_velocity"] = settling(diameter) / ratio
+        content["channel"]["shear_velocity"] = speed / ratio
     content["run"] = {"jumps": 1, "seed": 1}
     numbers = scene_of(content).numbers
     content["run"] = {"duration": lasting * FINE_DEPTH / numbers.velocity, "seed": 1, "longest_flight": LONG}
@@ -96,7 +93,9 @@ def suspended(result: Result) -> dict[str, Any]:
     time, z = path["time"].to_numpy(), path["z"].to_numpy()
     step, middle = np.diff(time), 0.5 * (z[1:] + z[:-1])
     high, depth = middle > HIGH, scene.channel.depth / numbers.diameter
-    ratio = settling(numbers.diameter) / numbers.velocity
+    speed = settling_velocity(scene)
+    assert speed is not None
+    ratio = speed / numbers.velocity
     power = ratio / scene.channel.von_karman
     row = {
         "diameter": numbers.diameter,

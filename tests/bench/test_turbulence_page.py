@@ -13,6 +13,7 @@ from bench.suites import turbulence as suite
 from reports import turbulence as page
 from reports.site.page import into
 from saltation.scene import scene_of
+from saltation.scene.conditions import settling_velocity
 from saltation.study import turbulence as study
 
 
@@ -25,8 +26,8 @@ def test_rouse_s_mean_height_in_closed_form():
 
 def test_fine_grains_have_the_settling_velocities_they_are_called_by():
     for ratio in suite.RATIOS:
-        numbers = scene_of(suite.fine(suite.LIFTED, 10.0, ratio)).numbers
-        assert suite.settling(suite.LIFTED) / numbers.velocity == pytest.approx(ratio, rel=1e-12) and numbers.stage > 1.0
+        scene = scene_of(suite.fine(suite.LIFTED, 10.0, ratio))
+        assert settling_velocity(scene) / scene.numbers.velocity == pytest.approx(ratio, rel=1e-9) and scene.numbers.stage > 1.0
     assert scene_of(suite.fine(suite.FINE, 10.0)).numbers.stage == pytest.approx(suite.STAGE)
 
 
