@@ -52,10 +52,10 @@ def at_fixed_steps(content: Mapping[str, Any], method: str, dt: float, jumps: in
 
 @dataclass(frozen=True)
 class Task:
-    """One run and what is kept of it: a key of `KEPT`."""
+    """One run and what is kept of it: a key of `KEPT`, or a function of a module."""
 
     scene: dict[str, Any]
-    keep: str = "means"
+    keep: str | Callable[[Result], dict[str, Any]] = "means"
 
 
 def run_all(tasks: Mapping[Any, Task], workers: int | None = None) -> dict[Any, dict[str, Any]]:
@@ -74,9 +74,10 @@ def run_all(tasks: Mapping[Any, Task], workers: int | None = None) -> dict[Any, 
     return {key: found[key] for key in tasks}
 
 
-def measured(scene: dict[str, Any], keep: str) -> dict[str, Any]:
+def measured(scene: dict[str, Any], keep: str | Callable[[Result], dict[str, Any]]) -> dict[str, Any]:
     """Run a scene; keep what is asked for."""
-    return KEPT[keep](saltation.run(scene_of(scene)))
+    result = saltation.run(scene_of(scene))
+    return keep(result) if callable(keep) else KEPT[keep](result)
 
 
 def rounded(values: Any, digits: int = 5) -> Any:

@@ -8,10 +8,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from basset._look import BLUE, GREY, ORANGE
-from bench.suites.blind import CHOSEN, THESIS
+from basset._look import BLUE, GREY, ORANGE, RED
+from bench.suites.blind import CHOSEN, THESIS, TURBULENT
 from reports.site.page import Page, fill, footer, save, table
-from reports.words import Record, factor, listed
+from reports.words import Record, factor, listed, of
+from saltation.study.turbulence import DEPTH, ENTRAINMENT
 
 QUANTITIES = {"height": "H (d)", "length": "L (d)", "velocity": "ū (u*)"}
 ENVELOPE = {"height": "height", "length": "length", "velocity": "speed"}  # their names among the regressions
@@ -34,7 +35,7 @@ def edges(data: Record, row: Record) -> Record:
 
 def single_changes(data: Record) -> list[tuple[str, int, int]]:
     """(name, means inside, runs that went to their end) of every single change, the most inside first."""
-    names = [name for name in dict.fromkeys(row["name"] for row in data["rows"]) if name not in (CHOSEN, THESIS)]
+    names = [name for name in dict.fromkeys(row["name"] for row in data["rows"]) if name not in (CHOSEN, THESIS, TURBULENT)]
     found = [(name, count(rows), sum(row["status"] == "finished" for row in rows)) for name in names for rows in [rows_of(data, name)]]
     return sorted(found, key=lambda item: -item[1])
 
@@ -63,6 +64,19 @@ def means(data: Record) -> str:
     return table(["R_p, T", *(f"{title}: blind (thesis's laws); envelope" for title in QUANTITIES.values()), "q*/Wong–Parker: blind (thesis's laws)"], lines)
 
 
+def turbulent(data: Record) -> str:
+    """The same means in a turbulent stream."""
+    lines = []
+    for row in rows_of(data, TURBULENT, 1):
+        (other,) = of(rows_of(data, CHOSEN, 1), particle_reynolds=row["particle_reynolds"], stage=row["stage"])
+        cells = []
+        for name in ENVELOPE:
+            mark = "**" if name in row["inside"] else ""
+            cells.append(f"{mark}{row[name]['mean']:.3g} ± {row[name]['se']:.1g}{mark} ({other[name]['mean']:.3g})")
+        lines.append([f"{row['particle_reynolds']}, {row['stage']:g}", *cells, row["status"]])
+    return table(["R_p, T", *(f"{title}: with turbulence (without)" for title in QUANTITIES.values()), "ended"], lines)
+
+
 def draw_means(data: Record) -> Any:
     """H, L and ū against T in the envelopes."""
     figure, axes = plt.subplots(2, 3, figsize=(10.0, 6.2), sharex="row")
@@ -71,7 +85,7 @@ def draw_means(data: Record) -> Any:
         for axis, (name, title) in zip(line, QUANTITIES.items(), strict=True):
             low, high = np.transpose([e[ENVELOPE[name]] for e in bands])
             axis.fill_between([e["stage"] for e in bands], low, high, color=GREY, alpha=0.3, lw=0)
-            for variant, colour, mark in ((CHOSEN, BLUE, "o"), (THESIS, ORANGE, "s")):
+            for variant, colour, mark in ((CHOSEN, BLUE, "o"), (TURBULENT, RED, "^"), (THESIS, ORANGE, "s")):
                 for seed in range(1, data["seeds"] + 1):
                     runs = [row for row in rows_of(data, variant, seed) if row["particle_reynolds"] == size]
                     label = variant if seed == 1 else None
@@ -79,7 +93,7 @@ def draw_means(data: Record) -> Any:
             axis.set(xlabel="T", ylabel=title, title=f"R_p {size}")
             axis.set_ylim(bottom=0.0)
     axes[0, 0].legend(frameon=False, fontsize=8)
-    figure.suptitle("Mean jumps with laws chosen by range, and with the thesis's, in the envelope of three regressions (grey)")
+    figure.suptitle("Mean jumps with laws chosen by range, the same in a turbulent stream, and the thesis's laws, in the envelope of three regressions (grey)")
     return figure
 
 
@@ -103,7 +117,9 @@ def build(data: dict[str, Record]) -> str:
     """The page reports/blind.md."""
     own = data["blind"]
     blind, before = rows_of(own, CHOSEN, 1), rows_of(own, THESIS, 1)
-    seeds = [count(rows_of(own, CHOSEN, seed)) for seed in range(1, own["seeds"] + 1)]
+    numbers = range(1, own["seeds"] + 1)
+    seeds = [count(rows_of(own, CHOSEN, seed)) for seed in numbers]
+    shaken = [count(rows) for seed in numbers if (rows := rows_of(own, TURBULENT, seed))]
     loads = [[row["bed_load"]["rate"] / row["bed_load"]["wong_parker"] for row in rows] for rows in (blind, before)]
     best = single_changes(own)
     most = [name for name, inside, _ in best if inside == best[0][1]]
@@ -114,6 +130,11 @@ def build(data: dict[str, Record]) -> str:
         points=len(QUANTITIES) * len(own["envelopes"]),
         inside=count(blind),
         thesis=count(before),
+        shaken=shaken[0] if shaken else "none counted yet",
+        shaken_seeds=listed([str(inside) for inside in shaken]),
+        turbulent=turbulent(own),
+        depth=DEPTH,
+        entrainment=ENTRAINMENT,
         seeds=listed([str(inside) for inside in seeds]),
         by_quantity=listed([f"{sum(name in row['inside'] for row in blind)} of {title.split()[0]}" for name, title in QUANTITIES.items()]),
         load=f"{factor(min(loads[0]))} to {factor(max(loads[0]))}",

@@ -25,7 +25,10 @@ from reports.site.index import index
 from reports.site.page import HERE, Page, Picture, folder, into, kept, load, write
 from reports.words import Record
 
-ORDER = ("quadrature", "memory", "advice", "how_to_choose", "solver", "stepper", "saltation", "measured", "blind", "choosing", "flights", "scenes", "grains")
+ORDER = (  # others follow
+    *("quadrature", "memory", "advice", "how_to_choose", "solver", "stepper", "saltation", "measured", "blind", "turbulence"),
+    *("choosing", "flights", "scenes", "grains"),
+)
 FOUND = sorted(path.stem for path in (HERE / "templates").glob("*.md"))
 PAGES: tuple[Page, ...] = tuple(importlib.import_module(f"reports.{name}").PAGE for name in dict.fromkeys((*ORDER, *FOUND)))
 WRITTEN = ("guide", "thesis")  # pages without data, written by hand

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from saltation.results.result import Result
     from saltation.scene import Scene, read, scene_of, shipped
     from saltation.scene.valid import left
-    from saltation.study import campaigns, checks, choices, comparison, grains, schemes, thesis
+    from saltation.study import campaigns, checks, choices, comparison, grains, schemes, thesis, turbulence
     from saltation.study import effects as advice
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
@@ -51,7 +51,7 @@ else:  # the help needs none of them, most commands a few
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
     campaigns, checks, choices, schemes = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices", "schemes"))
     comparison, record_plots = Later("saltation.study.comparison"), Later("saltation.plots.records")
-    advice, grains, thesis = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis"))
+    advice, grains, thesis, turbulence = (Later(f"saltation.study.{name}") for name in ("effects", "grains", "thesis", "turbulence"))
     advice_plots, scheme_plots = (Later(f"saltation.plots.{name}") for name in ("choices", "schemes"))
     front, statistics = (Later(f"saltation.{name}") for name in ("front", "statistics"))
     left = Later("saltation.scene.valid", "left")
@@ -60,11 +60,14 @@ else:  # the help needs none of them, most commands a few
 
 SCHEMES_SHOWN = 12  # candidates in a printed ranking
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
-SERIES = {name: Later("saltation.study.thesis", name) for name in ("thesis", "grains")}
+SERIES = {"thesis": Later("saltation.study.thesis", "thesis"), "grains": Later("saltation.study.thesis", "grains")}
+SERIES |= {"turbulence": Later("saltation.study.turbulence", "turbulence")}
+KEEPING = ("grains", "turbulence")  # series whose tables need all that each run leaves
 STREAM = {"dimensions", "grain.diameter", "channel.transport_stage", "channel.shear_velocity"}
-OWN = {  # what the thesis's runs differ in
+OWN = {  # what the runs of a series differ in
     "thesis": STREAM | {"rotation.law"} | {f"bed.{name}" for name in ("rebound", "roughness", "restitution", "friction", "tangential_retention")},
     "grains": STREAM | {"effects", "cloud.number", "cloud.concentration", "run.duration"},
+    "turbulence": STREAM | {"effects", "defaults", "coupling.form", "run.seed"},
 }
 
 
@@ -435,7 +438,7 @@ def scenes() -> None:
 
 
 @main.command()
-@click.argument("what", nargs=-1, required=True, metavar="thesis|grains|SCENE...")
+@click.argument("what", nargs=-1, required=True, metavar="thesis|grains|turbulence|SCENE...")
 @click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder of the tables and of what is finished.")
 @SET
 @click.option("--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; several: all combinations.")
@@ -455,10 +458,10 @@ def campaign(
     reference: Path | None,
     reference_reynolds: float,
 ) -> None:
-    """Run many scenes: the thesis's 256 and rank them, its 24 of many grains and compare them, or your own files.
+    """Run many scenes: the thesis's 256 and rank them, its 24 of many grains and compare them, 240 with and without turbulence and coupling, or your own files.
 
-    What is finished is kept in the output folder: stopped in any way, the same command goes on from there. `grains` also keeps all
-    that each run leaves, in the folder `runs`.
+    What is finished is kept in the output folder: stopped in any way, the same command goes on from there. `grains` and `turbulence`
+    also keep all that each run leaves, in the folder `runs`.
     """
     if workers is not None and workers < 1:
         raise Mistake(f"--workers must be a whole number, 1 or greater, got {workers}")
@@ -473,14 +476,15 @@ def campaign(
         columns = (TextColumn("{task.completed:.0f}/{task.total:.0f} scenes"), TimeElapsedColumn(), TextColumn("remaining"), TimeRemainingColumn())
         with progress("campaign", *columns, total=len(runs)) as report:
             try:
-                results = output / "runs" if what[0] == "grains" else None
+                results = output / "runs" if what[0] in KEEPING else None
                 table = front.campaign(runs, executor, progress=report, store=output / "store", results=results)
             except BrokenExecutor as error:
                 raise click.ClickException(f"{error}: what is finished is kept in {str(output)!r}, the same command goes on from there") from None
         write(output / "table.csv", table.to_csv(index=False))
         tables = {}
-        if what[0] == "grains":
-            tables = grains.analyses(table, lambda name: saltation.open(output / "runs" / f"{name}.nc"))
+        if what[0] in KEEPING:
+            study = grains if what[0] == "grains" else turbulence
+            tables = study.analyses(table, lambda name: saltation.open(output / "runs" / f"{name}.nc"))
         elif what[0] == "thesis" or rank or measured is not None:
             try:
                 if table["stage"].isna().any():
@@ -494,10 +498,12 @@ def campaign(
     out = console()
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     out.print(f"{len(table)} scenes: {counts}")
-    if what[0] != "thesis":
+    if what[0] not in ("thesis", "turbulence"):
         print_means(out, table)
     if what[0] == "grains":
         print_grains(out, tables)
+    elif what[0] == "turbulence":
+        print_turbulence(out, tables["changes"])
     elif tables:
         print_ranking(out, tables["ranking"])
     print_written(output)
@@ -648,11 +654,11 @@ def planned(what: Sequence[str], changes: Sequence[str], varied: Sequence[str]) 
             raise Mistake(f"--vary {field} must be given once, with all its values: {field}=v1,v2,…")
     series = what[0] if len(what) == 1 and what[0] in SERIES else None
     if series is not None:
-        if series == "grains" and axes:
-            raise Mistake("--vary is not for grains: give --set, and a folder for each value")
+        if series in KEEPING and axes:
+            raise Mistake(f"--vary is not for {series}: give --set, and a folder for each value")
         for option, field in [("--set", change.partition("=")[0].strip()) for change in changes] + [("--vary", field) for field in fields]:
             if any(f"{own}.".startswith(f"{field}.") or f"{field}.".startswith(f"{own}.") for own in OWN[series]):
-                raise Mistake(f"{option} {field}: the thesis's runs differ in it themselves")
+                raise Mistake(f"{option} {field}: the runs of {series!r} differ in it themselves")
         base = [(labels, scene.model_dump(exclude_unset=True)) for labels, scene in SERIES[series]()]
         models = list(thesis.MODEL)
     else:
@@ -911,6 +917,19 @@ def print_grains(out: Console, tables: dict[str, pd.DataFrame]) -> None:
     for (axis, meeting, ensemble), rows in drawn.groupby(["axis", "encounters", "ensemble"], sort=False):
         cells = [_beside(row["gamma"], row["printed"]) + f" {row['lower']:.2f} to {row['upper']:.2f}" for _, row in rows.iterrows()]
         shown.add_row(axis, "with" if meeting else "without", ensemble, *cells)
+    out.print(shown)
+
+
+def print_turbulence(out: Console, table: pd.DataFrame) -> None:
+    """What turbulence and coupling change, with 95 % intervals over seeds."""
+    shown = Table("laws", "R_p", "T", "variant", "height", "change", "length", "change", "velocity", "change", "status", box=None)
+    for (laws, size, stage, variant), rows in table.groupby([*turbulence.RUN, "variant"], sort=False):
+        own = rows.set_index("quantity")
+        cells = []
+        for name in statistics.VARIABLES:
+            row = own.loc[name]
+            cells += [f"{row['mean']:.3g}", "" if variant == "plain" else f"{row['change']:+.2g} ± {row['interval']:.1g}"]
+        shown.add_row(laws, _short(size), _short(stage), variant, *cells, own["status"].iloc[0])
     out.print(shown)
 
 

@@ -161,17 +161,17 @@ def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result]
             settled = {"of": known, "heights": heights.tolist(), "stress": used.tolist(), "seen": used.tolist(), "grains": 0.0}
             settled |= {"rate": 0.0, "rate_uncoupled": 0.0, "runs": k, "change": 0.0}
         result = fly(seeing.changed(coupling={"settled": settled}), report)
+        path = result.path if scene.run.trajectory else None
         if result.status != "finished" or not len(result.jumps):
-            return result
+            return dataclasses.replace(result, scene=scene, path=path)
         if not k:
             heights = levels(result)
             used = np.zeros(len(heights))
         taken = momentum(result, heights)
         grains = number_of(scene, float(taken[0]), moving(result))
         if not math.isfinite(grains):
-            result.status = "unsettled"
-            result.message = "coupling: the grains take no momentum from the stream, which sets their number: give coupling.grains"
-            return result
+            why = "coupling: the grains take no momentum from the stream, which sets their number: give coupling.grains"
+            return dataclasses.replace(result, scene=scene, path=path, status="unsettled", message=why)
         seen = scene.numbers.density_ratio * math.pi / 6.0 * grains * taken
         change = float(np.abs(seen - used).max())
         rate = rate_of(result, grains)
@@ -186,5 +186,4 @@ def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result]
     told |= {"grains": grains / scene.numbers.diameter**2, "rate": rate, "rate_uncoupled": rate_uncoupled}
     if progress is not None:
         progress(1.0)
-    path = result.path if scene.run.trajectory else None
     return dataclasses.replace(result, scene=scene.changed(coupling={"settled": told}), path=path)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -127,6 +128,7 @@ class Laden(Profile):
     """A profile that grains have taken the stress τ_p(z) from: at each height its shear times r, s r + (1 − s) r|r| = 1 − τ_p/(1 − z/h).
 
     s is the share of the stress that viscosity carries, the rest keeps its mixing length: √|τ_f|/(κz) for the logarithm. Without τ_p the profile itself.
+    Prandtl (1925), Z. Angew. Math. Mech. 5, 136; Owen (1964), J. Fluid Mech. 20, 225 (as in the project's notes).
     """
 
     base: Profile
@@ -153,8 +155,10 @@ class Laden(Profile):
         """Points in ln z, and for each the polynomial of the change of velocity from there on; the last is the change above all grains."""
         from scipy.interpolate import CubicSpline
 
-        start, end = math.log(max(self.floor, LOWEST)), math.log(self.heights[-1])
-        x = np.linspace(start, end, math.ceil((end - start) / FINE) + 1)
+        start, own = math.log(max(self.floor, LOWEST)), np.log(self.heights)
+        ends = np.concatenate([[start], own[own > start]])  # where what is interpolated has kinks
+        pieces = [np.linspace(a, b, max(4, math.ceil((b - a) / FINE)), endpoint=False) for a, b in itertools.pairwise(ends)]
+        x = np.concatenate([*pieces, own[-1:]])
         z = np.exp(x)
         shear = np.array([self.base.extended(height)[1] for height in z])
         viscous = np.minimum(1.0, shear / getattr(self.base, "reynolds", math.inf))
@@ -162,8 +166,8 @@ class Laden(Profile):
         ratio = 2.0 * left / (viscous + np.sqrt(viscous**2 + 4.0 * (1.0 - viscous) * np.abs(left)) + 1e-300)
         spline = CubicSpline(x, (ratio - 1.0) * shear * z).antiderivative()
         lowest = 0.0 if self.floor > 0.0 else (ratio[0] - 1.0) * self.base.extended(z[0])[0]
-        pieces = spline.c.T + np.array([0.0, 0.0, 0.0, 0.0, lowest])
-        return x.tolist(), [*pieces.tolist(), [0.0, 0.0, 0.0, 0.0, float(spline(end)) + lowest]]
+        change = spline.c.T + np.array([0.0, 0.0, 0.0, 0.0, lowest])
+        return x.tolist(), [*change.tolist(), [0.0, 0.0, 0.0, 0.0, float(spline(x[-1])) + lowest]]
 
     def extended(self, z: float) -> tuple[float, float]:
         """Velocity and shear."""

@@ -55,7 +55,7 @@ def run(
     Returns
     -------
     Result
-        With a status: finished, at rest, creeping, aloft, horizon or failed, and all that was done up to there.
+        With a status: finished, at rest, creeping, aloft, horizon, failed or unsettled, and all that was done up to there.
 
     Raises
     ------
@@ -114,7 +114,8 @@ def campaign(
         velocity (u*), spin (u*/d), takeoff_angle (degree) and abs_deviation_angle (the absolute value, degree); jumps (how many
         count); status and message as of `Result`; clipped and creeping, shares of those jumps. NaN where no jump counts. For
         many grains all this over the jumps of all, and bed_frequency and pair_frequency: impacts on the bed and encounters of
-        all grains per d/u*; NaN for a single grain.
+        all grains per d/u*; NaN for a single grain. With two-way coupling bed_load and bed_load_before (dimensionless), with the
+        stream as the grains make it and without them; else NaN.
 
     Raises
     ------

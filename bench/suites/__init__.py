@@ -9,6 +9,7 @@ TOO_LONG = {
     "chapter4": "a hundred and more clouds",
     "choosing": "32 sets of effects to compile",
     "choosing_scheme": "thousands of flights",
+    "eddies": "a hundred thousand tracers, and four forms of flight to compile",
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains",
     "measured": "ten thousand short flights",
@@ -17,4 +18,5 @@ TOO_LONG = {
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",
     "stepper": "all is compiled anew, four times",
+    "turbulence": "hundreds of flights among eddies, many until stream and grains agree",
 }

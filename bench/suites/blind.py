@@ -1,7 +1,7 @@
 """With laws chosen by their ranges alone, how many mean jumps lie where the regressions of measurements have them?
 
-The blind part flies the closures that `saltation.scene.valid.chosen` names, and nothing else. What follows changes them one at a time: after the fact, and no
-default follows from it.
+The blind part flies the closures that `saltation.scene.valid.chosen` names, and nothing else, then the same in a turbulent stream. What follows changes them
+one at a time, after the fact: no default follows from it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from bench.suites.saltation import COUNTED, COUNTED_SHORT, SCENES, STAGES, kept
 from saltation import regressions
 from saltation.scene import scene_of
 from saltation.scene.valid import chosen, families, taken
+from saltation.study.turbulence import DEPTH, ENTRAINMENT
 
-CHOSEN, THESIS = "chosen by range", "the thesis's"
+CHOSEN, THESIS, TURBULENT = "chosen by range", "the thesis's", "with turbulence"
 SEEDS = (1, 2, 3)
 
 Content = dict[str, Any]
@@ -30,6 +31,12 @@ def valid(content: Content) -> Content:
         for field in {field for closure in closures.values() for field in closure.take}:
             table.pop(field, None)
     return {**scene_of(bare).model_dump(mode="json", exclude_none=True), "defaults": "thesis"}
+
+
+def turbulent(content: Content) -> Content:
+    """The scene in a turbulent stream of the study's depth; grains that it brings to rest are picked up again."""
+    own = changed(content, channel={"depth": DEPTH}, rests={"entrainment": ENTRAINMENT})
+    return own | {"effects": [*own["effects"], "turbulence"]}
 
 
 def single_changes(content: Content) -> dict[str, Content]:
@@ -60,7 +67,7 @@ def single_changes(content: Content) -> dict[str, Content]:
 
 
 def tasks(jumps: int, full: bool) -> dict[Any, Task]:
-    """The scene as its ranges choose it, as the thesis has it, and with single changes, at every stage."""
+    """The scene as its ranges choose it, with turbulence, as the thesis has it, and with single changes, at every stage."""
     found: dict[Any, Task] = {}
     for size, stages in STAGES.items():
         for stage in stages:
@@ -68,6 +75,7 @@ def tasks(jumps: int, full: bool) -> dict[Any, Task]:
             own = valid(content)
             for seed in SEEDS if full else SEEDS[:1]:
                 found[CHOSEN, size, stage, seed] = Task(changed(own, run={"seed": seed}))
+                found[TURBULENT, size, stage, seed] = Task(changed(turbulent(own), run={"seed": seed}))
                 found[THESIS, size, stage, seed] = Task(changed(content, run={"seed": seed}))
             found |= {(name, size, stage, SEEDS[0]): Task(scene) for name, scene in single_changes(own).items()}
     return found

@@ -11,11 +11,11 @@ Time scale T_L: the diffusivity σ_w² T_L = (1 − ζ) ν_t, van Driest's ν_t,
 or 2σ_w²/(C0 ε) with ε = 9.8 u*³ ζ^(−1/2) e^(−3ζ)/h (Nezu & Nakagawa 1993). Never below 10 units of s (the value at smooth walls, Kallio & Reeks 1989).
 What falls through eddies sees them for a shorter time: T_L/√(1 + β²(4 v_r² − 3 v_z²)/σ²), Csanady's (1963) T_∥ of a slip v_r upwards and his T_⊥ across.
 
-The realisation: the clock of a grain's eddies runs by dτ/dt = 1/T, and ξ(τ), three for each grain, are sums of quintic B-splines times numbers that are
+The realisation: the clock of a grain's eddies runs by dτ/dt = 1/T, and ξ(τ), three for each grain, are sums of B-splines of degree 5 times numbers that are
 a function of (seed, grain, index): four times differentiable, with variance 1 and integral scale 1. w' = σ_w W, W = ξ_w + q, and
 u' = σ_u (√(1 − r²) ξ_u − r W), so that ⟨u'w'⟩ comes out. q is what keeps tracers well mixed (Thomson 1987): for a Gaussian ξ of autocorrelation R it is
-∫R T σ_w' dτ, since a Gaussian that is independent of z stays so if the drift of W's whole past is its covariance with W; R is met by a damped oscillator of the same
-integral and first moment. Of the drift of a tracer a grain has the share 1/(1 + τ_p/T_L) (Bocksell & Loth 2006), τ_p its relaxation time.
+∫R T σ_w' dτ, since a Gaussian that is independent of z stays so if the drift of W's whole past is its covariance with W; R is met by a damped oscillator
+of the same integral and first moment. Of the drift of a tracer a grain has the share 1/(1 + τ_p/T_L) (Bocksell & Loth 2006), τ_p its relaxation time.
 
 A grain is pushed by the fluid's own acceleration, (1 + C_m) Du_f/Dt along the path of the fluid: there the clock runs by T_L, and heights change by w'.
 """
@@ -57,21 +57,32 @@ DISSIPATION = 9.8
 STATES = 3  # the clock τ, the drift q and its rate
 OWN = 5  # of a grain's own numbers before the eddies': spin, layer, and which grain it is
 EDDIES = 1 << 62  # first number of the draws of eddies, far beyond those of impacts
+SPLINE = 5  # degree of the B-splines
 SLOTS = 4  # intervals between two knots that are kept
-SLOT = 19  # numbers of an interval: which, and six coefficients of three components
+SLOT = 1 + 3 * (SPLINE + 1)  # numbers of an interval: which, and coefficients of three components
 BEGINS = 1.0  # of the clock
-# coefficients of the quintic B-splines that are not 0 in an interval, by powers of the place in it, times 120
-QUINTIC = np.array([
-    [1, 26, 66, 26, 1, 0], [-5, -50, 0, 50, 5, 0], [10, 20, -60, 20, 10, 0], [-10, 20, 0, -20, 10, 0], [5, -20, 30, -20, 5, 0], [-1, 5, -10, 10, -5, 1],
-]) / 120.0  # fmt: skip
-VARIANCE = 655177.0 / 1663200.0  # ∫B²: of ξ without its factor, on the average over the interval
+
+
+def pieces(degree: int) -> Floats:
+    """The cardinal B-spline of a degree in its intervals [k, k + 1]: (power of the place in the interval, k)."""
+    found = np.ones((1, 1))
+    for p in range(1, degree + 1):  # de Boor (1978), A Practical Guide to Splines, ch. X
+        below, above = np.pad(found, ((0, 1), (0, 1))), np.pad(found, ((0, 1), (1, 0)))
+        k = np.arange(p + 1.0)
+        found = (k * below + np.roll(below, 1, axis=0) + (p + 1.0 - k) * above - np.roll(above, 1, axis=0)) / p
+    return found
+
+
+CORRELATION = pieces(2 * SPLINE + 1)[:, SPLINE + 1 :]  # ∫B(x) B(x + y) dx by the whole part of y from 0 on
+VARIANCE = float(CORRELATION[0, 0])  # of ξ without its factor, on the average over the interval
 KNOTS = 2.0 * VARIANCE  # between two knots of τ, for an integral scale of 1
-FIRST = 0.4006321494830335 * KNOTS**2 / VARIANCE  # ∫τR of ξ
+POWERS, WHOLE = np.arange(2.0 * SPLINE + 2.0)[:, None], np.arange(SPLINE + 1.0)
+FIRST = float((CORRELATION * (1.0 / (POWERS + 2.0) + WHOLE / (POWERS + 1.0))).sum()) * KNOTS**2 / VARIANCE  # ∫τR of ξ
 DAMPING = 0.5 / (1.0 - FIRST)  # R = e^(−aτ)(cos bτ + a/b sin bτ) has ∫R = 2a/(a² + b²) = 1 and ∫τR = 1 − 1/(2a)
 
 OCTAVES = (-10, 14)  # heights 2^-10 d to 2^14 d
-CELLS = 8  # per octave
-DEGREE = 7
+CELLS = 32  # per octave: w' falls to 0 within 0.05 h at the surface
+DEGREE = 5
 KINDS = 6  # of profiles: r σ_u, √(1 − r²) σ_u, σ_v, σ_w, 1/T_L², (β/(T_L σ))²
 LOWEST, HIGHEST_CELL = math.ldexp(1.0, OCTAVES[0]), math.nextafter(math.ldexp(1.0, OCTAVES[1]), 0.0)
 CELL = KINDS * (DEGREE + 1)
@@ -158,7 +169,7 @@ def tabulated(options: tuple[Any, ...], setting: Setting) -> int:
     kinds = np.stack([found.correlation * found.along, rest * found.along, found.across, found.up, rate, rate * (given.crossing / found.eddy) ** 2])
     series = np.linalg.solve(chebyshev.chebvander(nodes, DEGREE), kinds.reshape(-1, DEGREE + 1).T)
     powers = monomials(series).T.reshape(KINDS, len(edges), DEGREE + 1).transpose(1, 0, 2)
-    KEPT.append(np.concatenate([powers.ravel(), QUINTIC.ravel() / math.sqrt(VARIANCE)]))
+    KEPT.append(np.concatenate([powers.ravel(), pieces(SPLINE)[:, ::-1].ravel() / math.sqrt(VARIANCE)]))
     return KEPT[-1].ctypes.data
 
 
@@ -174,28 +185,34 @@ def build(options: Options, setting: Setting) -> Eddies | None:
     return Eddies(table, setting.seed, lag, 1.0 + numbers.added_mass)
 
 
+@shared
+def whole(number: Any) -> Any:
+    """A number that counts, as compiled code takes it."""
+    return np.int64(number)
+
+
 @separate
 def fill(e: Any, index: int, own: Any, base: int) -> None:
     """The interval number `index` between two knots as polynomials into own[base:]."""
     for k in range(SLOT):
         own[base + k] = 0.0
     own[base] = index + 1.0
-    for j in range(6):
-        draws = uniforms(e.seed, np.int64(own[OWN - 1]), EDDIES + index + j)
+    for j in range(SPLINE + 1):
+        draws = uniforms(e.seed, whole(own[OWN - 1]), EDDIES + index + j)
         size, other = math.sqrt(-2.0 * math.log(draws[0])), math.sqrt(-2.0 * math.log(draws[2]))
         one, two, three = size * math.cos(2.0 * math.pi * draws[1]), size * math.sin(2.0 * math.pi * draws[1]), other * math.cos(2.0 * math.pi * draws[3])
-        for power in range(6):
-            share = load(e.table, BASIS + 6 * power + j)
+        for power in range(SPLINE + 1):
+            share = load(e.table, BASIS + (SPLINE + 1) * power + j)
             own[base + 1 + power] += share * one
-            own[base + 7 + power] += share * two
-            own[base + 13 + power] += share * three
+            own[base + 1 + (SPLINE + 1) + power] += share * two
+            own[base + 1 + 2 * (SPLINE + 1) + power] += share * three
 
 
 @shared
 def horner(own: Any, base: int, x: float) -> tuple[float, float]:
-    """A polynomial of six coefficients and its derivative."""
-    value, slope = own[base + 5], 0.0
-    for k in range(4, -1, -1):
+    """A component in an interval, and its derivative by τ."""
+    value, slope = own[base + SPLINE], 0.0
+    for k in range(SPLINE - 1, -1, -1):
         slope = slope * x + value
         value = value * x + own[base + k]
     return value, slope / KNOTS
@@ -205,15 +222,15 @@ def horner(own: Any, base: int, x: float) -> tuple[float, float]:
 def eddy_at(e: Any, clock: float, own: Any) -> tuple[float, float, float, float, float, float]:
     """ξ_u, ξ_v, ξ_w at a reading of the clock, and their derivatives."""
     place = clock / KNOTS
-    whole = math.floor(place)
-    index = np.int64(whole)
+    below = math.floor(place)
+    index = whole(below)
     base = OWN + SLOT * (index & (SLOTS - 1))
-    if own[base] != whole + 1.0:
+    if own[base] != below + 1.0:
         fill(e, index, own, base)
-    x = place - whole
+    x = place - below
     u, du = horner(own, base + 1, x)
-    v, dv = horner(own, base + 7, x)
-    w, dw = horner(own, base + 13, x)
+    v, dv = horner(own, base + 1 + (SPLINE + 1), x)
+    w, dw = horner(own, base + 1 + 2 * (SPLINE + 1), x)
     return u, v, w, du, dv, dw
 
 
@@ -246,10 +263,10 @@ def one_of(table: int, cell: int, kind: int, x: float) -> tuple[float, float]:
 @separate
 def local(e: Any, z: float) -> Local:
     """The profiles at a height; below the bed level nothing moves."""
-    high = min(max(z, LOWEST), HIGHEST_CELL) if z == z else LOWEST  # NaN must not become an address
+    high = min(max(z, LOWEST), HIGHEST_CELL) if not math.isnan(z) else LOWEST  # NaN must not become an address
     mantissa, exponent = math.frexp(high)
     place = (mantissa - 0.5) * (2 * CELLS)
-    part = np.int64(place)
+    part = whole(place)
     cell = ((exponent - 1 - OCTAVES[0]) * CELLS + part) * CELL
     x, scale = 2.0 * (place - part) - 1.0, math.ldexp(4.0 * CELLS, -exponent)
     tied, tied_slope = one_of(e.table, cell, 0, x)

@@ -31,17 +31,15 @@ def gap(model: Model, bed: Bed, polynomial: Floats, y: Floats, kind: int, theta:
     """How far from contact: the larger of the height above the contact and the upward velocity; contact where it is ≤ 0."""
     d = model.dimensions
     z = at(polynomial, y, kind, theta, d - 1)
-    clock = drift = 0.0
+    clock, drift, w = 0.0, 0.0, at(polynomial, y, kind, theta, 2 * d - 1)
+    if z >= bed.highest:
+        return max(z - bed.highest, w if model.eddies is None else 0.0) + 1e-300
     if model.eddies is not None:
         first = 2 * d + model.spins
         clock, drift = at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
-    w = at(polynomial, y, kind, theta, 2 * d - 1)
-    if model.eddies is None and z >= bed.highest:
-        return max(z - bed.highest, w) + 1e-300
     stream = stream_at(model, z, clock, drift, own)
-    w += stream[2]
-    if z >= bed.highest:
-        return max(z - bed.highest, w) + 1e-300
+    if model.eddies is not None:
+        w += stream[2]
     u = at(polynomial, y, kind, theta, d) + stream[0]
     v = 0.0 if model.dimensions == 2 else at(polynomial, y, kind, theta, d + 1) + stream[1]
     plane = contact_plane(bed.roughness, u, v, w, draws)

@@ -1,8 +1,9 @@
 """The equation of motion of a grain, and the kinks of the stream it moves in.
 
 States y are x, [y,] z, slip u − u_f in the same directions, the spin where it is integrated (ω_y in the plane, all
-three in space), and of a turbulent stream the eddies' clock, drift and its rate; effects that a scene does not name add no state. Slips, not velocities, because they are what the history acts on;
-at an impact both jump alike. Up to a level at which the stream, or the lift by it, has a kink a step sees the stream continued smoothly.
+three in space), and of a turbulent stream the eddies' clock, drift and its rate; effects that a scene does not name add no state. Slips, not velocities,
+because they are what the history acts on; at an impact both jump alike. Up to a level at which the stream, or the lift by it, has a kink a step sees
+the stream continued smoothly.
 """
 
 from __future__ import annotations

@@ -35,6 +35,7 @@ EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long f
 BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # factor by which the local estimate of a regular step exceeds the error: measured, see tests/saltation/test_convergence.py
+SAFETY_AMONG_EDDIES = 30.0  # the same in a turbulent stream
 ATOL = 1.0  # of velocities and spins, in V and V/d
 PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are rest
 SINGULAR_FACTOR = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
@@ -99,8 +100,10 @@ def accuracy(scene: Any) -> Accuracy:
     """Of the steps of a scene."""
     rtol = scene.solver.rtol
     follows = scene.solver.method == "collocation" and "history" in scene.names and scene.options("history").kernel != "basset"
+    # eddies: local errors of either sign, measured as SAFETY was
+    safety = SAFETY_AMONG_EDDIES if "turbulence" in scene.names and scene.options("turbulence").amplitude > 0.0 else SAFETY
     # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
-    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR, follows)
+    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(safety * rtol, 0.03), 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR, follows)
 
 
 def shortest(scene: Any) -> float:

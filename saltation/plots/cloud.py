@@ -455,4 +455,5 @@ CLOUD_PLOTS: dict[str, Callable[[Result], Figure]] = {
     "encounters": encounters,
     "second_moments": second_moments,
     "jumps": plots.jumps,
+    "stream": plots.stream,
 }

@@ -22,7 +22,7 @@ from saltation import statistics
 from saltation.effects.rotation import prescribed_spin
 from saltation.results.result import Result
 
-__all__ = ["budget", "diffusion", "jumps", "spin", "trajectory"]
+__all__ = ["budget", "diffusion", "jumps", "spin", "stream", "trajectory"]
 
 FORCES = {  # colour, marker, name
     "weight": (BLACK, "s", "weight"),
@@ -279,4 +279,31 @@ def spin(result: Result) -> Figure:
     return figure
 
 
-PLOTS: dict[str, Callable[[Result], Figure]] = {"trajectory": trajectory, "jumps": jumps, "budget": budget, "diffusion": diffusion, "spin": spin}
+@styled
+def stream(result: Result) -> Figure:
+    """The stream with the grains and without, and the stress that each carries."""
+    found = result.coupled()
+    heights = found["height"]
+    figure = Figure(figsize=(10.0, 4.6))
+    left, right = figure.subplots(1, 2, sharey=True)
+    left.plot(found["velocity_before"], heights, color=GREY, linestyle="--", label="without grains")
+    left.plot(found["velocity"], heights, color=BLUE, label="with the grains")
+    right.plot(found["fluid_stress"], heights, color=BLUE, label="stream")
+    right.plot(found["grain_stress"], heights, color=RED, label="grains")
+    right.plot(found["fluid_stress"] + found["grain_stress"], heights, color=BLACK, linestyle=":", label="together")
+    left.set(xlabel=f"velocity ({unit_of(result)})", ylabel="height above the bed level (d)", ylim=(0.0, float(heights[-1])))
+    right.set(xlabel="shear stress (ρu*²)")
+    for axes in (left, right):
+        axes.legend()
+    figure.suptitle(f"Grains carry {float(found['bed_stress']):.0%} of the stress at the bed; bed load q* = {float(found['bed_load']):.3g}")
+    return figure
+
+
+PLOTS: dict[str, Callable[[Result], Figure]] = {
+    "trajectory": trajectory,
+    "jumps": jumps,
+    "budget": budget,
+    "diffusion": diffusion,
+    "spin": spin,
+    "stream": stream,
+}

@@ -63,8 +63,7 @@ def path_at(engine: Engine, times: Floats, states: Floats, rates: Floats, spins:
     if engine.rotation is not None:
         spins = np.zeros((len(times), 3))
         spins[:, [1] if d == 2 else [0, 1, 2]] = states[:, 2 * d : 2 * d + engine.spins]
-    stream = np.array([engine.scene.profile.velocity_and_shear(z)[0] for z in states[:, d - 1]])
-    shear = np.array([engine.scene.profile.velocity_and_shear(z)[1] for z in states[:, d - 1]])
+    stream, shear = np.array([engine.scene.profile.velocity_and_shear(z) for z in states[:, d - 1]]).T
     slip = np.zeros((len(times), 3))
     slip[:, [0, 2] if d == 2 else [0, 1, 2]] = states[:, d : 2 * d]
     situations = np.column_stack([states[:, d - 1], slip, stream, shear, spins])

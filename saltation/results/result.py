@@ -113,7 +113,23 @@ class Result:
         return pd.DataFrame({"grain": jumps["grain"].to_numpy()[:-1][lay], "start": ends[lay], "duration": lasted[lay]})
 
     def resting(self) -> float:
-        """Grains at rest per moving one, dimensionless: the time of rests over that of jumps; of many grains from the kept places."""
+        """How many grains lie at rest per moving one: the time of rests over that of jumps, of many grains from the kept places.
+
+        Returns
+        -------
+        float, dimensionless
+
+        Raises
+        ------
+        ValueError
+            Of many grains whose path was not kept.
+
+        Examples
+        --------
+        >>> import saltation
+        >>> saltation.run(saltation.load("bouncing")).resting()
+        0.0
+        """
         if self.scene.cloud is None:
             return float(self.rests["duration"].sum() / self.all_jumps["duration"].sum())
         speed = self.trajectory["u"].to_numpy()

@@ -226,7 +226,7 @@ class Coupling(Table):
     @model_validator(mode="after")
     def _one_number(self) -> Coupling:
         if self.form == "roughness":
-            given = [name for name in ("excess", "grains", "tolerance", "settled") if name in self.model_fields_set]
+            given = [name for name in ("excess", "grains", "tolerance", "settled") if getattr(self, name) != type(self).model_fields[name].default]
             if given:
                 raise ValueError(f"{given[0]} belongs to form = 'two_way', got form = 'roughness': leave it out")
         if self.grains is not None and self.excess:

@@ -30,7 +30,7 @@ QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "abs_devi
 MEANS = tuple(f"{name}{suffix}" for name in QUANTITIES for suffix in ("", "_sd", "_se"))
 Progress = Callable[[float], None]
 Folder = str | os.PathLike[str]
-COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency")
+COLUMNS = (*MEANS, "jumps", "status", "message", "clipped", "creeping", "bed_frequency", "pair_frequency", "bed_load", "bed_load_before")
 
 
 def campaign(
@@ -105,7 +105,9 @@ def outcome(result: Result) -> dict[str, Any]:
     shares = {name: float(result.provenance[name]) for name in ("clipped", "creeping")}
     often = result.frequencies() if result.scene.cloud is not None else {"bed": math.nan, "pairs": math.nan}
     frequencies = {"bed_frequency": often["bed"], "pair_frequency": often["pairs"]}
-    return {**row, "jumps": len(jumps), "status": result.status, "message": result.message, **shares, **frequencies}
+    made = result.scene.coupling.settled if result.scene.coupling is not None else None
+    load = {"bed_load": made.rate if made else math.nan, "bed_load_before": made.rate_uncoupled if made else math.nan}
+    return {**row, "jumps": len(jumps), "status": result.status, "message": result.message, **shares, **frequencies, **load}
 
 
 # Workers

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from saltation.effects import EFFECTS
 from saltation.flight.setup import Engine
-from saltation.flow import PROFILES, REGIMES
-from saltation.scene import AUTO, Scene
+from saltation.flow import PROFILES, REGIMES, saltation_layer
+from saltation.scene import AUTO, Coupling, Scene
 from saltation.scene.conditions import settling_velocity
 from saltation.scene.presets import differences
 from saltation.scene.valid import left, lubricated
@@ -69,6 +69,10 @@ def computed(scene: Scene) -> dict[str, str]:
     if stream is not None:
         profile = REGIMES.get(stream.profile, stream.profile)
         found["stream"] = f"{stream.profile}: {PROFILES[profile]}, u* = {scene.numbers.velocity:.4g} m/s"
+    if scene.coupling is not None:
+        found["coupling"] = _coupling(scene, scene.coupling)
+    if scene.rests is not None:
+        found["rests"] = f"of {1.0 / scene.rests.entrainment:g} s on average, after a hop no longer than one that rises {scene.rests.rise:g} d by weight alone"
     if scene.bed is not None:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
@@ -92,6 +96,21 @@ def computed(scene: Scene) -> dict[str, str]:
     if scene.effects == AUTO:
         found["effects"] = "all of them here; a run first finds out by measurement which can be left out"
     return found
+
+
+def _coupling(scene: Scene, coupling: Coupling) -> str:
+    """What grains do to the stream."""
+    if coupling.form == "roughness":
+        assert scene.numbers.stage is not None
+        layer = saltation_layer(scene.numbers.stage, scene.grain.diameter)
+        return f"roughness: a layer of {layer:.3g} d adds {0.056 * layer:.3g} d to the roughness length (Wiberg & Rubin 1989)"
+    if scene.cloud is not None:
+        number = "as many grains per area as the table [cloud] says"
+    elif coupling.grains is not None:
+        number = f"{coupling.grains:g} moving grains per m²"
+    else:
+        number = f"grains until the stream's stress at the bed is τ_c + {coupling.excess:g} (τ₀ − τ_c)"
+    return f"two_way: {number}; flown until stresses add up to {coupling.tolerance:g} ρu*²"
 
 
 def _memory(scene: Scene, engine: Engine) -> str:
