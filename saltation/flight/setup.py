@@ -142,7 +142,7 @@ class Engine:
         self.scene, self.numbers = scene, numbers
         self._kept: list[Any] = []  # what addresses point to
         self.profile = scene.profile if isinstance(scene.profile, Still) else tabulated(scene.profile)
-        setting = scene.setting(self.profile)
+        setting = scene._setting(self.profile)
         built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
         self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
         forces = tuple(built[name] for name in self.force_names)

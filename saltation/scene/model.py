@@ -217,7 +217,7 @@ class SceneBase(Table):
         height = self.channel.roughness_height or self.grain.diameter
         return profile_of(self.channel.profile, self.numbers, height / self.grain.diameter, self.channel.von_karman)
 
-    def setting(self, profile: Any) -> Setting:
+    def _setting(self, profile: Any) -> Setting:
         """What effects are built from, of a profile or its table."""
         channel, d = self.channel, self.grain.diameter
         if channel is None:
