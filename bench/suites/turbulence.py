@@ -166,7 +166,7 @@ def tasks(full: bool) -> dict[Any, Task]:
 def formulas() -> dict[str, Any]:
     """The profiles of the effect in the scene of the path, against z in d and z⁺; in u*."""
     scene = scene_of(study.content("valid", SIZE, STAGE, "turbulence"))
-    setting = scene.setting(scene.profile)
+    setting = scene._setting(scene.profile)
     z = np.geomspace(0.05, 0.98 * setting.depth, 120)
     found = profiles_of(scene.options("turbulence"), setting, z)
     stress = found.correlation * found.along * found.up

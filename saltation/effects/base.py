@@ -3,7 +3,8 @@
 An effect file in this folder has: `NAME`, the word in a scene's `effects`; `Options`, its table in the scene; `SOURCE` and
 `VALID`, for reports and warnings; and `build(options, setting)`, which returns a NamedTuple with `force(self, s)` (units of
 the thesis's (3-1): times α it is an acceleration in V²/d), with `torque(self, s)` (spin rate), or None where the effect
-works through the scene's numbers alone. `warnings(options, numbers)` is optional. Adding an effect is adding a file.
+works through the scene's numbers alone; turbulence, which moves the stream itself, returns what `flight/equations.py` asks for it.
+`warnings(options, numbers)` is optional. Adding an effect is adding a file.
 """
 
 from __future__ import annotations

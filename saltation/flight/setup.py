@@ -143,7 +143,7 @@ class Engine:
         self.scene, self.numbers = scene, numbers
         self._kept: list[Any] = []  # what addresses point to
         self.profile = scene.profile if isinstance(scene.profile, Still) else tabulated(scene.profile)
-        setting = scene.setting(self.profile)
+        setting = scene._setting(self.profile)
         built = {name: EFFECTS[name].build(scene.options(name), setting) for name in names}
         self.force_names = tuple(name for name in names if hasattr(built[name], "force"))
         forces = tuple(built[name] for name in self.force_names)
@@ -312,7 +312,7 @@ class Engine:
     def eddies_pass(self, z: float) -> float:
         """How many time scales of the eddies at a height pass in d/u*: 1/T_L."""
         options = self.scene.options("turbulence")
-        return 1.0 / float(turbulence.profiles_of(options, self.scene.setting(self.profile), z).time)
+        return 1.0 / float(turbulence.profiles_of(options, self.scene._setting(self.profile), z).time)
 
     def own_of(self, spin: Any, grain: int) -> Floats:
         """What a grain has besides its states: its spin, its layer, and in a turbulent stream which grain it is and room for its eddies."""

@@ -235,7 +235,7 @@ class SceneBase(Table):
         found = coupling.settled
         return clear if found is None or not any(found.stress) else Laden(clear, tuple(found.heights), tuple(found.stress), depth)
 
-    def setting(self, profile: Any) -> Setting:
+    def _setting(self, profile: Any) -> Setting:
         """What effects are built from, of a profile or its table."""
         channel, d = self.channel, self.grain.diameter
         if channel is None:

@@ -69,7 +69,7 @@ def advise(scene: Scene) -> list[Verdict]:
     'keep'
     """
     jump, numbers = typical(scene), scene.numbers
-    setting = scene.setting(scene.profile)
+    setting = scene._setting(scene.profile)
     weight = 1.0 / abs(numbers.shields)
     verdicts = []
     for name, module in EFFECTS.items():

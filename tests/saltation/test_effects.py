@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from basset._compile import compiled, digest_of
 from saltation.effects import EFFECTS, added_mass, drag, history, lift, magnus, rotation, weight
 from saltation.effects.base import NoTorque, Setting, Situation, force, torque, total_force
+from saltation.effects.turbulence import Eddies
 from saltation.flow import profile_of, tabulated, velocity_and_shear
 from saltation.grain import GRAVITY, numbers_of
 
@@ -75,12 +76,12 @@ def coefficient(law, re):
 
 class TestRegistry:
     def test_every_file_is_an_effect(self):
-        assert set(EFFECTS) == {"weight", "drag", "lift", "magnus", "added_mass", "history", "rotation", "encounters", "wall"}
+        assert set(EFFECTS) == {"weight", "drag", "lift", "magnus", "added_mass", "history", "rotation", "encounters", "turbulence", "wall"}
         assert [module.NAME for module in EFFECTS.values()] == list(EFFECTS)
         for module in EFFECTS.values():
             assert module.SOURCE and module.VALID
             built = module.build(module.Options(), SETTING)
-            assert built is None or hasattr(built, "force") != hasattr(built, "torque")
+            assert built is None or hasattr(built, "force") + hasattr(built, "torque") + isinstance(built, Eddies) == 1
 
     @pytest.mark.parametrize("module", EFFECTS.values(), ids=EFFECTS)
     def test_unknown_options_are_refused(self, module):

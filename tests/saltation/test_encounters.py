@@ -15,9 +15,10 @@ from scipy.spatial import cKDTree
 import saltation
 from basset._compile import compiled
 from saltation.bed.contact import strike_pair
-from saltation.flight import cloud, loop
+from saltation.flight import cloud
 from saltation.flight import collisions as encounters
 from saltation.flight.collisions import DEEPEST_OVERLAP
+from saltation.flow import velocity_and_shear
 
 TOUCH = 1e-12  # d: surfaces nearer than this (and rounding of the time, 1e-14 of it) touch; the rest is rounding
 ELASTIC = {"restitution": 1.0, "friction": 0.0, "slowest": 0.0}
@@ -322,7 +323,7 @@ def test_a_path_is_the_integral_of_its_velocity_and_keeps_its_bounds():
             return [np.array(value) for value in encounters.place_and_velocity(model, course, s)]
 
         kinds.append(singular)
-        stream = loop.velocity_and_shear(model.profile, y[2])[0]
+        stream = velocity_and_shear(model.profile, y[2])[0]
         assert np.abs(flown(0.0)[1] - [y[3] + stream, y[4], y[5]]).max() < 1e-12
         assert np.abs(flown(0.0)[0]).max() < 1e-14
         chord = np.array([path.u, path.v, path.w])

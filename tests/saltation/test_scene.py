@@ -184,7 +184,7 @@ def test_what_is_not_named_is_not_computed():
     missing = " ".join(checks.left_out(scene))
     for word in ("history", "magnus", "rotation", "lift", "added_mass", "spin", "across", "stream", "bed"):
         assert word in missing
-    assert checks.left_out(saltation.load("sand")) == ["wall (not among the effects)"]
+    assert checks.left_out(saltation.load("sand")) == ["turbulence (not among the effects)", "wall (not among the effects)"]
     for kernel, decay in (("basset", "11.4"), ("dorgan_loth", "17.2")):
         assert f"e = 0.97 exp(−{decay}/St)" in checks.computed(changed("sand", bed={"restitution": "stokes"}, history={"kernel": kernel}))["bed"]
 
