@@ -157,7 +157,7 @@ def tasks(full: bool) -> dict[Any, Task]:
     for name, (variant, entrainment) in SPREAD.items():
         found["spread", name] = Task(spreads(variant, entrainment, COUNTED if full else COUNTED_SHORT), spread)
     lasting = LASTING if full else LASTING_SHORT
-    for ratio in RATIOS if full else RATIOS[2::3]:
+    for ratio in RATIOS if full else RATIOS[:: len(RATIOS) - 1]:
         found["fine", ratio] = Task(fine(LIFTED, lasting, ratio), suspended)
     found["fine",] = Task(fine(FINE, lasting), suspended)
     return found
