@@ -125,6 +125,20 @@ def _short(numba: Any) -> None:
 def _optimise_once(numba: Any) -> None:
     """Link, optimise and load only functions entered from Python, not also each function that they call."""
     library, context = numba.core.codegen.CPUCodeLibrary, numba.core.cpu.CPUContext
+
+    def callers_first(library: Any) -> list[Any]:  # what nothing refers to yet when its turn comes is not linked
+        found: dict[Any, None] = {}
+
+        def visit(part: Any, seen: set[Any]) -> None:
+            for called in reversed(part._linking_libraries):
+                if called not in seen:
+                    seen.add(called)
+                    visit(called, seen)
+                    found[called] = None
+
+        visit(library, {library})
+        return list(reversed(found))
+
     finish, executable, wrap = library.finalize, context.get_executable, context.create_cfunc_wrapper
 
     def inner(library: Any) -> bool:
@@ -139,8 +153,7 @@ def _optimise_once(numba: Any) -> None:
             self._finalize_dynamic_globals()
             self._finalized = True
         else:
-            for part in self._linking_libraries:  # which grows meanwhile
-                self._linking_libraries += [library for library in part._linking_libraries if library not in self._linking_libraries]
+            self._linking_libraries = callers_first(self)
             finish(self)
 
     def get_executable(self: Any, library: Any, description: Any, environment: Any) -> Any:

@@ -68,6 +68,49 @@ def copied_package(tmp_path):
     return tmp_path
 
 
+# `least` is called by a branch that is never taken, then, deeper, by one that is
+LINKED = """
+from typing import Any, NamedTuple
+from basset._compile import compiled, shared
+
+class Parts(NamedTuple):
+    number: float
+    missing: Any
+
+@shared
+def least(x):
+    return x + 1.0
+
+@shared
+def seldom(parts, x):
+    if parts.missing is None:
+        return x
+    return least(x)
+
+@shared
+def deeper(x):
+    return 2.0 * least(x)
+
+@shared
+def deep(x):
+    return 1.0 + deeper(x)
+
+def make(digest):
+    def run(parts, x):
+        digest
+        return seldom(parts, x) + deep(x)
+    return run
+
+run = compiled(make)
+assert run(Parts(1.0, None), 3.0) == 12.0
+"""
+
+
+def test_what_is_called_in_a_branch_that_is_never_taken_is_linked_for_others(tmp_path):
+    (tmp_path / "linked.py").write_text(LINKED)
+    python("import linked", cwd=PACKAGE.parent, PYTHONPATH=os.pathsep.join((str(PACKAGE.parent), str(tmp_path))), NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+
+
 class TestTwoExecutions:
     def test_compiled_and_plain_numpy_agree(self, tmp_path):
         """Sums may be reordered by the compiler: 1e-13 of the largest |H|."""
