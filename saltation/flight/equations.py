@@ -75,25 +75,22 @@ def velocity_of(model: Model, y: Any, own: Any) -> Triple:
 @shared
 def rise_of(model: Model, y: Any, own: Any) -> float:
     """How fast a grain in the states y rises, V."""
-    d, clock, drift = model.dimensions, 0.0, 0.0
-    if model.eddies is not None:
-        first = 2 * d + model.spins
-        clock, drift = y[first], y[first + 1]
-    w: float = y[2 * d - 1]
-    up = fluctuation(model.eddies, y[d - 1], clock, drift, own)[2]  # called in any case: what only a branch that is never taken calls may not be linked
-    return w if model.eddies is None else w + up
+    w: float = y[2 * model.dimensions - 1]
+    if model.eddies is None:
+        return w
+    return w + stream_of(model, y, own)[2]
 
 
 @shared
 def rise_at(model: Model, polynomial: Floats, y: Floats, kind: int, theta: float, own: Any) -> float:
     """How fast a grain rises at θ of a step, V."""
     d = model.dimensions
-    w, z, clock, drift = at(polynomial, y, kind, theta, 2 * d - 1), 0.0, 0.0, 0.0
-    if model.eddies is not None:
-        first = 2 * d + model.spins
-        z, clock, drift = at(polynomial, y, kind, theta, d - 1), at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
-    up = fluctuation(model.eddies, z, clock, drift, own)[2]
-    return w if model.eddies is None else w + up
+    w = at(polynomial, y, kind, theta, 2 * d - 1)
+    if model.eddies is None:
+        return w
+    first = 2 * d + model.spins
+    z, clock, drift = at(polynomial, y, kind, theta, d - 1), at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
+    return w + stream_at(model, z, clock, drift, own)[2]
 
 
 @shared
@@ -149,15 +146,6 @@ def rates_of(equation: Equation, t: float, y: Any, out: Any, own: Any) -> None:
 
 
 rates_entry = entry(rates_of)
-
-
-@shared
-def lift_of(eddies: Any, model: Model, y: Any, own: Any) -> float:
-    """dw'/dt along the path of a grain in the states y; `eddies`: the model's."""
-    if eddies is None:
-        return 0.0
-    found: float = motion_of(model, y, own).rate[2]
-    return found
 
 
 @shared

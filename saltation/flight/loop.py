@@ -16,7 +16,7 @@ from basset.solvers.stepper import ACCEPTED, FULL, at, fit_polynomial, keep
 from saltation._random import uniforms
 from saltation.bed.roughness import contact_plane
 from saltation.flight.contact import apply_rebound, drop_oldest_impact, first_contact, record_top_and_turning, set_spin, spin_of, take_off
-from saltation.flight.equations import cross_kink, layer_of, leaving, lift_of, rise_at, rise_of, stream_of, velocity_of
+from saltation.flight.equations import cross_kink, layer_of, leaving, motion_of, rise_at, rise_of, stream_of, velocity_of
 from saltation.flight.layout import ALOFT, CROWDED, HORIZON, JUMPS, REST, Bed, Limits, Memory, Model
 
 SHORTEST = 0.01  # smallest factor of the tolerance
@@ -47,7 +47,9 @@ def set_tolerance(g: Flight, likely: float) -> None:
         work.here[0, a] = y[a]
     work.here[0, d - 1] += g.limits.above
     call(p.equation.fun, p.state.control[0].time, work.here, 0, work.out, 0, p.equation.own)
-    fall = -work.out[0, 2 * d - 1] - lift_of(g.model.eddies, g.model, y, p.equation.own)
+    fall = -work.out[0, 2 * d - 1]
+    if g.model.eddies is not None:
+        fall -= motion_of(g.model, y, p.equation.own).rate[2]
     if fall > 0.0:
         likely = min(likely, 2.0 * max(0.0, rise_of(g.model, y, p.equation.own)) / fall)
     likely = min(1.0, likely)
