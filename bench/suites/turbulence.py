@@ -118,6 +118,7 @@ def path(result: Result) -> dict[str, Any]:
     begin, end = float(jumps["start"].iloc[0]), float((jumps["start"] + jumps["duration"]).iloc[-1])
     time = path["time"].to_numpy()
     here = (time >= begin) & (time <= end)
+    here &= (np.arange(len(time)) % 4 == 0) | (np.diff(time, prepend=begin) == 0.0) | (np.diff(time, append=end) == 0.0)  # fewer, and both sides of impacts
     columns = {"time": time[here] - begin} | {name: path[name].to_numpy()[here] for name in ("x", "z", "u", "w", "eddy_x", "eddy_z")}
     columns["x"] = columns["x"] - columns["x"][0]
     columns["mean"] = np.array([result.scene.profile.velocity_and_shear(height)[0] for height in columns["z"]])
@@ -167,7 +168,7 @@ def formulas() -> dict[str, Any]:
     """The profiles of the effect in the scene of the path, against z in d and z⁺; in u*."""
     scene = scene_of(study.content("valid", SIZE, STAGE, "turbulence"))
     setting = scene._setting(scene.profile)
-    z = np.geomspace(0.05, 0.98 * setting.depth, 120)
+    z = np.geomspace(0.05, 0.98 * setting.depth, 50)
     found = profiles_of(scene.options("turbulence"), setting, z)
     stress = found.correlation * found.along * found.up
     columns = {"z": z, "along": found.along, "across": found.across, "up": found.up, "stress": stress, "time": found.time}
