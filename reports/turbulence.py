@@ -19,6 +19,7 @@ JUMPS = {"height": "H (d)", "length": "L (d)", "velocity": "ū (u*)"}
 MORE = {"spin": "spin (u*/d)", "takeoff_angle": "takeoff (°)", "incidence_angle": "incidence (°)", "abs_deviation_angle": "across (°)"}
 LAW_NAMES = {"valid": "laws by range", "thesis": "thesis's laws"}
 THESIS_GAMMA = {"x": 0.7, "y": 0.6}  # along and across, with encounters
+POINTS = 400  # of a path that are drawn
 NEAR = 2.0  # a rate within this factor is as Wong and Parker have it
 
 
@@ -125,6 +126,7 @@ def draw_rates(data: Record) -> Any:
             axis.plot([row["stage"] for row in own], [row["mean"] for row in own], mark, color=colour, mfc="none", label=title)
         axis.set(xlabel="T", title=f"R_p {size:g}", yscale="log")
         axis.locator_params(axis="x", nbins=4)
+        axis.minorticks_off()
     axes[0].set_ylabel("q*")
     axes[1].legend(fontsize=8, loc="lower right")
     figure.suptitle("Bed load against T, before the stream feels its grains and after (laws by range)")
@@ -157,7 +159,8 @@ def draw_jumps(data: Record) -> Any:
 
 def draw_path(data: Record) -> Any:
     """Some jumps, and the stream that the grain sees."""
-    path = {name: np.array(values) for name, values in data["path"]["path"].items()}
+    whole = data["path"]["path"]
+    path = {name: np.array(values[:: max(1, len(whole["time"]) // POINTS)]) for name, values in whole.items()}
     figure, axes = plt.subplots(3, 1, figsize=(10.0, 7.0), height_ratios=(1.2, 1.0, 1.0))
     axes[0].plot(path["x"], path["z"], color=BLACK, lw=1.0)
     few = slice(None, None, max(1, len(path["x"]) // 40))
@@ -189,6 +192,7 @@ def draw_profiles(data: Record) -> Any:
         axes[1].plot([row[axis] for row in highest["rows"]], [row["height"] / highest["depth"] for row in highest["rows"]], "^", color=colour, mfc="none")
     axes[0].set(xlabel="rms (u*)", ylabel="z (d)", yscale="log", title="sand, near the bed")
     axes[0].set_ylim(0.4, 20.0)
+    axes[0].minorticks_off()
     axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a lifted grain, w_s/u* {highest['ratio']:.2g}", ylim=(0.0, 1.0))
     axes[0].legend(fontsize=8)
     for variant, colour in (("coupling", ORANGE), ("both", RED)):
@@ -243,6 +247,7 @@ def draw_spreading(data: Record) -> Any:
         last = first[name][-1]
         axis.plot(begin, last * (begin / begin[1]), "--", color=BLACK, lw=0.8, label="γ = ½")
         axis.set(xlabel="lag (mean jumps)", ylabel="second moment (d²)", title=title, ylim=(low, high))
+        axis.minorticks_off()
     axes[0].legend(fontsize=8)
     figure.suptitle("Spreading of a grain of sand in three ranges of time (shaded)")
     return figure

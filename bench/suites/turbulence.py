@@ -118,7 +118,6 @@ def path(result: Result) -> dict[str, Any]:
     begin, end = float(jumps["start"].iloc[0]), float((jumps["start"] + jumps["duration"]).iloc[-1])
     time = path["time"].to_numpy()
     here = (time >= begin) & (time <= end)
-    here &= (np.arange(len(time)) % 4 == 0) | (np.diff(time, prepend=begin) == 0.0) | (np.diff(time, append=end) == 0.0)  # fewer, and both sides of impacts
     columns = {"time": time[here] - begin} | {name: path[name].to_numpy()[here] for name in ("x", "z", "u", "w", "eddy_x", "eddy_z")}
     columns["x"] = columns["x"] - columns["x"][0]
     columns["mean"] = np.array([result.scene.profile.velocity_and_shear(height)[0] for height in columns["z"]])
