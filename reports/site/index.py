@@ -80,8 +80,7 @@ def picture(path: Path, still: bool = False) -> str:
 
 
 def lean(svg: str) -> str:
-    """An SVG without what nobody sees: prologue, metadata, comments, names that nothing refers to, fonts that come after the one that is drawn, digits
-    beyond a hundredth of a point, blanks."""
+    """An SVG without what nobody sees: prologue, metadata, comments, names without use, fonts not drawn, digits beyond a hundredth of a point, blanks."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
     used = set(re.findall(r"#([\w.-]+)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
