@@ -19,6 +19,7 @@ JUMPS = {"height": "H (d)", "length": "L (d)", "velocity": "ū (u*)"}
 MORE = {"spin": "spin (u*/d)", "takeoff_angle": "takeoff (°)", "incidence_angle": "incidence (°)", "abs_deviation_angle": "across (°)"}
 LAW_NAMES = {"valid": "laws by range", "thesis": "thesis's laws"}
 THESIS_GAMMA = {"x": 0.7, "y": 0.6}  # along and across, with encounters
+POINTS = 400  # of a path that are drawn
 NEAR = 2.0  # a rate within this factor is as Wong and Parker have it
 
 
@@ -124,6 +125,8 @@ def draw_rates(data: Record) -> Any:
             own = cells(data, laws, size, variant, name)
             axis.plot([row["stage"] for row in own], [row["mean"] for row in own], mark, color=colour, mfc="none", label=title)
         axis.set(xlabel="T", title=f"R_p {size:g}", yscale="log")
+        axis.locator_params(axis="x", nbins=4)
+        axis.minorticks_off()
     axes[0].set_ylabel("q*")
     axes[1].legend(fontsize=8, loc="lower right")
     figure.suptitle("Bed load against T, before the stream feels its grains and after (laws by range)")
@@ -135,7 +138,7 @@ def draw_rates(data: Record) -> Any:
 
 def draw_jumps(data: Record) -> Any:
     """H, L and ū against T in all streams."""
-    found = labels(data)
+    found = [(laws, size) for laws, size in labels(data) if laws == LAWS[0]]
     figure, axes = plt.subplots(len(found), 3, figsize=(10.0, 2.6 * len(found) + 0.8), squeeze=False)
     for line, (laws, size) in zip(axes, found, strict=True):
         for axis, (name, title) in zip(line, JUMPS.items(), strict=True):
@@ -143,10 +146,11 @@ def draw_jumps(data: Record) -> Any:
                 rows = cells(data, laws, size, variant, name)
                 axis.errorbar([row["stage"] for row in rows], [row["mean"] for row in rows], [row["interval"] or 0.0 for row in rows],
                               fmt=mark, ls="-", color=colour, mfc="none", label=variant)  # fmt: skip
-            axis.set(xlabel="T", ylabel=title, title=f"{LAW_NAMES[laws]}, R_p {size:g}")
+            axis.set(xlabel="T", ylabel=title, title=f"R_p {size:g}")
             axis.set_ylim(bottom=0.0)
+            axis.locator_params(nbins=4)
     axes[0, 0].legend(fontsize=8)
-    figure.suptitle("Mean jumps in four streams (bars: 95 % intervals of the change from the plain one)")
+    figure.suptitle("Mean jumps in four streams, laws by range (bars: 95 % intervals of the change from the plain one)")
     return figure
 
 
@@ -155,10 +159,11 @@ def draw_jumps(data: Record) -> Any:
 
 def draw_path(data: Record) -> Any:
     """Some jumps, and the stream that the grain sees."""
-    path = {name: np.array(values) for name, values in data["path"]["path"].items()}
+    whole = data["path"]["path"]
+    path = {name: np.array(values[:: max(1, len(whole["time"]) // POINTS)]) for name, values in whole.items()}
     figure, axes = plt.subplots(3, 1, figsize=(10.0, 7.0), height_ratios=(1.2, 1.0, 1.0))
     axes[0].plot(path["x"], path["z"], color=BLACK, lw=1.0)
-    few = slice(None, None, max(1, len(path["x"]) // 60))
+    few = slice(None, None, max(1, len(path["x"]) // 40))
     axes[0].quiver(path["x"][few], path["z"][few], path["eddy_x"][few], path["eddy_z"][few], color=BLUE, width=0.0015, scale=60.0)
     axes[0].set(xlabel="x (d)", ylabel="z (d)", title="the grain's path, and the fluctuation of the stream at the grain (arrows)")
     axes[1].plot(path["time"], path["mean"] + path["eddy_x"], color=BLUE, label="stream at the grain")
@@ -166,6 +171,8 @@ def draw_path(data: Record) -> Any:
     axes[1].plot(path["time"], path["u"], color=BLACK, label="grain")
     axes[2].plot(path["time"], path["eddy_z"], color=BLUE, label="stream at the grain")
     axes[2].plot(path["time"], path["w"], color=BLACK, label="grain")
+    for axis in axes:
+        axis.locator_params(nbins=5)
     for axis, title in zip(axes[1:], ("along (u*)", "up (u*)"), strict=True):
         axis.set(xlabel="time (d/u*)", ylabel=title)
         axis.legend(fontsize=8, ncols=3, loc="upper right")
@@ -185,6 +192,7 @@ def draw_profiles(data: Record) -> Any:
         axes[1].plot([row[axis] for row in highest["rows"]], [row["height"] / highest["depth"] for row in highest["rows"]], "^", color=colour, mfc="none")
     axes[0].set(xlabel="rms (u*)", ylabel="z (d)", yscale="log", title="sand, near the bed")
     axes[0].set_ylim(0.4, 20.0)
+    axes[0].minorticks_off()
     axes[1].set(xlabel="rms (u*)", ylabel="z/h", title=f"a lifted grain, w_s/u* {highest['ratio']:.2g}", ylim=(0.0, 1.0))
     axes[0].legend(fontsize=8)
     for variant, colour in (("coupling", ORANGE), ("both", RED)):
@@ -192,8 +200,10 @@ def draw_profiles(data: Record) -> Any:
         if variant == "coupling":
             axes[2].plot(stream["velocity_before"], stream["height"], color=GREY, ls="--", label="without grains")
         axes[2].plot(stream["velocity"], stream["height"], color=colour, label=variant)
-    axes[2].set(xlabel="mean velocity (u*)", ylabel="z (d)", title="the mean stream", yscale="log")
+    axes[2].set(xlabel="mean velocity (u*)", ylabel="z (d)", title="the mean stream", ylim=(0.0, 4.0))
     axes[2].legend(fontsize=8)
+    for axis in axes[1:]:
+        axis.locator_params(nbins=4)
     figure.suptitle("Intensities by formula (lines) and at the grain (marks); the mean stream before and after")
     return figure
 
@@ -237,6 +247,7 @@ def draw_spreading(data: Record) -> Any:
         last = first[name][-1]
         axis.plot(begin, last * (begin / begin[1]), "--", color=BLACK, lw=0.8, label="γ = ½")
         axis.set(xlabel="lag (mean jumps)", ylabel="second moment (d²)", title=title, ylim=(low, high))
+        axis.minorticks_off()
     axes[0].legend(fontsize=8)
     figure.suptitle("Spreading of a grain of sand in three ranges of time (shaded)")
     return figure

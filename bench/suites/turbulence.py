@@ -167,7 +167,7 @@ def formulas() -> dict[str, Any]:
     """The profiles of the effect in the scene of the path, against z in d and z⁺; in u*."""
     scene = scene_of(study.content("valid", SIZE, STAGE, "turbulence"))
     setting = scene._setting(scene.profile)
-    z = np.geomspace(0.05, 0.98 * setting.depth, 120)
+    z = np.geomspace(0.05, 0.98 * setting.depth, 50)
     found = profiles_of(scene.options("turbulence"), setting, z)
     stress = found.correlation * found.along * found.up
     columns = {"z": z, "along": found.along, "across": found.across, "up": found.up, "stress": stress, "time": found.time}

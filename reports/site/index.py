@@ -80,12 +80,13 @@ def picture(path: Path, still: bool = False) -> str:
 
 
 def lean(svg: str) -> str:
-    """An SVG without what nobody sees: prologue, metadata, comments, names that nothing refers to, digits beyond a hundredth of a point, blanks."""
+    """An SVG without what nobody sees: prologue, metadata, comments, names without use, fonts not drawn, digits beyond a hundredth of a point, blanks."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
     used = set(re.findall(r"#([\w.-]+)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), re.sub(r"\s+", " ", svg))  # never a label's
     svg = re.sub(r' d="[^"]*"', lambda found: re.sub(r" ?([A-Za-z]) ?", r"\1", found[0][4:-1]).join((' d="', '"')), svg)
+    svg = re.sub(r"('DejaVu Sans'),[^;\"]*?(sans-serif)", r"\1, \2", svg)  # a dozen other fonts in every label
     svg = re.sub(r'style="[^"]*"', lambda found: re.sub(r"([:;]) ", r"\1", found[0]), svg)
     return svg.replace("> <", "><").strip()
 

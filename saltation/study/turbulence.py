@@ -32,7 +32,7 @@ TOLERANCE = 0.1  # of a coupling, ρu*²: chance moves the stresses of 200 jumps
 RUN = ["laws", "particle_reynolds", "stage"]  # labels of runs that differ in their variant and seed alone
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "incidence_angle", "abs_deviation_angle")
 RANGES = {"within a jump": (0.02, 0.3), "between": (2.0, 20.0), "long": (40.0, 400.0)}  # lags in mean durations of a jump
-LAGS = 60
+LAGS = 40
 
 
 def content(laws: str, size: float, stage: float, variant: str, jumps: int = JUMPS, seed: int = 1) -> dict[str, Any]:
