@@ -26,7 +26,7 @@ from saltation.flight.setup import Engine
 from saltation.grain import GRAVITY
 from saltation.scene import scene_of
 from saltation.simulation import fly
-from saltation.study.checks import settling_velocity
+from saltation.scene.conditions import settling_velocity
 from saltation.workers import cores, processes
 
 SEED = 20261130

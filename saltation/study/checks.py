@@ -186,11 +186,11 @@ def warnings(scene: Scene) -> list[str]:
     if n.stage is not None and n.stage < 1.0:
         found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: the regressions say that nothing jumps")
     speed = settling_velocity(scene)
-    if n.stage is not None and speed is not None and speed < n.velocity:
+    if n.stage is not None and speed is not None and speed < n.velocity and "turbulence" not in scene.names:
         most = n.stage * (speed / n.velocity) ** 2
         found.append(
             f"suspension: the settling velocity {speed:.3g} m/s is below u* = {n.velocity:.3g} m/s (from T = {most:.3g} on); such grains are carried by "
-            "turbulence, which is not computed (van Rijn 1984, J. Hydraul. Eng. 110, 1613)"
+            "turbulence (van Rijn 1984, J. Hydraul. Eng. 110, 1613), which is not among the effects"
         )
     if scene.bed is not None and ("weight" not in scene.names or n.density_ratio <= 1.0):
         lighter = "it is lighter than the fluid" if n.density_ratio < 1.0 else "it is as heavy as the fluid"
