@@ -31,8 +31,11 @@ def schemes(rows: Sequence[Record], error: float) -> str:
     """One cell: what a stream and a path were advised, the true errors, the times over the fastest."""
     cells = []
     for use in ("stream", "path"):
-        row = where(rows, use=use, error=error)[0]
-        cells.append(f"{row['scheme'].replace('Exponential', 'Exp')} × {grouped(row['steps'])}, {short(row['measured'], 1)}, {slow(row['ratio'])}")
+        found = where(rows, use=use, error=error)
+        cells += [
+            f"{row['scheme'].replace('Exponential', 'Exp')} × {grouped(row['steps'])}, {short(row['measured'], 1)}, {slow(row['ratio'])}" for row in found
+        ]
+        cells += [] if found else ["refused"]
     return "<br>".join(cells)
 
 
@@ -82,6 +85,14 @@ def misses(rows: Sequence[Record]) -> str:
     return f"Above {MOST:g}:\n\n" + "\n".join(lines)
 
 
+def refusals(refused: Sequence[Record]) -> str:
+    """The clause for cases in which nothing known keeps the error at the step given."""
+    if not refused:
+        return ""
+    least, most = (short(end(row["least"] for row in refused)) for end in (min, max))
+    return f" (and {len(refused)} more were refused: no scheme is predicted to keep {short(max(row['error'] for row in refused))} at the step given, the best {least} to {most})"
+
+
 def opening(data: dict[str, Record]) -> dict[str, Any]:
     """The numbers of the three sentences to take away."""
     rows = data["advice"]["rows"]
@@ -91,6 +102,7 @@ def opening(data: dict[str, Record]) -> dict[str, Any]:
         problems=len({row["case"].split(",")[0] for row in rows}),
         cases=len(rows),
         met=sum(row["meets"] for row in rows),
+        refused=refusals(data["advice"].get("refused", [])),
         worst=f"{max(row['measured'] / row['error'] for row in rows):.2f}",
         **{step: len(where(rows, step=step)) for step in STEPS},
         **{f"{step}_within": len(where(rows, step=step)) - len(where(found, step=step)) for step in STEPS},

@@ -176,10 +176,13 @@ class Trial:
 
         return stream
 
-    def row(self, rounds: int) -> dict[str, Any]:
-        """What was advised, how exact it is, and how much slower than the fastest that meets."""
+    def advised(self) -> advice.Advice:
+        """What is advised."""
         length = {"duration": self.case.length} if self.dt is None else {"dt": self.dt, "duration": self.case.length}
-        found = basset.advise(self.error, **self.case.told(), **length, **self.asked)
+        return basset.advise(self.error, **self.case.told(), **length, **self.asked)
+
+    def row(self, found: advice.Advice, rounds: int) -> dict[str, Any]:
+        """How exact it is, and how much slower than the fastest that meets."""
         best = found.best
         error = self.true_error(best.rule, best.dt, best.steps, found.time_scale)
         columns = self.case.particles * self.case.components
@@ -261,12 +264,17 @@ def short(rule: Rule) -> str:
 
 def run(full: bool) -> dict[str, Any]:
     """Measure."""
-    rows = []
+    rows, refused = [], []
     for case in cases():
         truths: dict[float, Floats] = {}
         for error in ERRORS:
             for use in advice.USES:
                 for dt in (None, GIVEN * case.scale):
-                    rows.append(Trial(case, error, use, dt, truths).row(7 if full else 3))
+                    trial = Trial(case, error, use, dt, truths)
+                    found = trial.advised()
+                    if any(candidate.meets for candidate in found.candidates):
+                        rows.append(trial.row(found, 7 if full else 3))
+                    else:
+                        refused.append({"case": case.name, "error": error, "use": use, "least": found.candidates[0].error})
     described = {case.name: case.description for case in cases()}
-    return {"descriptions": described, "given": GIVEN, "rows": rounded(rows)}
+    return {"descriptions": described, "given": GIVEN, "rows": rounded(rows), "refused": rounded(refused)}

@@ -25,8 +25,8 @@ from saltation.effects.history import KERNELS
 from saltation.flight.setup import Engine
 from saltation.grain import GRAVITY
 from saltation.scene import scene_of
-from saltation.simulation import fly
 from saltation.scene.conditions import settling_velocity
+from saltation.simulation import fly
 from saltation.workers import cores, processes
 
 SEED = 20261130
