@@ -89,8 +89,9 @@ def refusals(refused: Sequence[Record]) -> str:
     """The clause for cases in which nothing known keeps the error at the step given."""
     if not refused:
         return ""
+    asked = short(max(row["error"] for row in refused))
     least, most = (short(end(row["least"] for row in refused)) for end in (min, max))
-    return f" (and {len(refused)} more were refused: no scheme is predicted to keep {short(max(row['error'] for row in refused))} at the step given, the best {least} to {most})"
+    return f" (and {len(refused)} were refused: nothing is predicted to keep {asked} at the step given, the best has {least} to {most})"
 
 
 def opening(data: dict[str, Record]) -> dict[str, Any]:
