@@ -381,7 +381,7 @@ def test_check_prints_the_numbers_of_the_field():
     expected |= {"α": numbers.alpha, "c": numbers.history, "St/V_n": numbers.stokes(1.0), "k_s+": numbers.reynolds}
     for name, value in expected.items():
         assert float(lines[name]) == pytest.approx(value, rel=1e-4)
-    for word in ("spin_x, spin_y, spin_z", "exponentials", "collocation", "not computed: wall (not among the effects)"):
+    for word in ("spin_x, spin_y, spin_z", "exponentials", "collocation", "not computed: turbulence (not among the effects), wall (not among the effects)"):
         assert word in out.stdout
     assert "warning: history.kernel" in CliRunner().invoke(cli.main, ["check", "sand_coarse"]).stdout and "warning" not in out.stdout
 

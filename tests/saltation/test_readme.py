@@ -21,7 +21,7 @@ import bench.__main__
 import saltation.cli
 from basset import reference
 from saltation.scene import shipped
-from saltation.study import campaigns, cases, thesis
+from saltation.study import campaigns, cases, thesis, turbulence
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "reports/guide.md"))
@@ -74,7 +74,7 @@ def test_inline_commands():
 # a few jumps, the thesis's campaigns are a few of their runs, and what only the advice compiles is run as plain Python.
 
 SHORT = {"jumps": 5, "discard": 1}
-PLAIN = ("ablate", "uncertainty", "gravel", "thesis")
+PLAIN = ("ablate", "uncertainty", "gravel", "thesis", "turbulence")
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,8 @@ def short(folder, monkeypatch):
         monkeypatch.setattr(module, name, 4)
     quick = [(labels, scene.changed(run=SHORT)) for labels, scene in thesis.thesis()[:2]]
     brief = [(labels, scene.changed(run={"duration": 0.02 * scene.run.duration})) for labels, scene in thesis.grains()[:2]]
-    monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: quick, "grains": lambda: brief})
+    shaken = [(labels, scene.changed(run=SHORT)) for labels, scene in turbulence.turbulence()[:4:3]]  # plain, and with turbulence
+    monkeypatch.setattr(saltation.cli, "SERIES", {"thesis": lambda: quick, "grains": lambda: brief, "turbulence": lambda: shaken})
 
 
 def test_commands_one_after_the_other(short, monkeypatch):
