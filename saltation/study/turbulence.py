@@ -94,7 +94,7 @@ def rates(result: Result) -> dict[str, float]:
 
     bagnold: what the impulses of the impacts imply, without coupling; before and after: from the number of grains that Owen's condition at the bed
     sets, in the stream without grains and in the one that feels them (NaN for what a run does not have). wong_parker and meyer_peter_mueller, whose
-    threshold is one number; own_threshold: Wong and Parker's 3.97 (τ* − τ*c)^(3/2) from the τ*c of the scene's T on.
+    threshold is one number; own_threshold: their 3.97 (τ* − τ*c)^(3/2) from the τ*c of the scene's T on. Wong & Parker (2006), J. Hydraul. Eng. 132, 1159.
     """
     numbers, jumps = result.scene.numbers, result.jumps
     shields = abs(numbers.shields)
