@@ -18,10 +18,11 @@ from saltation.effects.turbulence import BEGINS, OWN, SLOT, SLOTS, Options
 from saltation.flight import layout
 from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.grain import numbers_of
-from saltation.scene import read, scene_of
+from saltation.scene import scene_of
 from saltation.scene.conditions import settling_velocity
+from saltation.study.thesis import case
 
-EFFECT = {"effects": [*read("sand")["effects"], "turbulence"]}
+EFFECT = {"effects": [*case("sand")["effects"], "turbulence"]}
 DEPTH = 100.0  # d
 EDGES = (0.0, 0.005, 0.01, 0.02, 0.03, *np.linspace(0.05, 1.0, 20).tolist())  # of z/h
 TIMES = 50.0  # of T_L at half the depth
@@ -33,8 +34,8 @@ LONGEST = 20.0
 
 
 def sand(*, turbulent: bool = True, **tables: Any) -> saltation.Scene:
-    """The shipped sand in a channel 100 d deep."""
-    content = read("sand")
+    """Sand with the thesis's laws in a channel 100 d deep."""
+    content = case("sand")
     content |= EFFECT if turbulent else {}
     content["channel"]["depth"] = DEPTH * content["grain"]["diameter"]
     return scene_of({name: {**table, **tables[name]} if name in tables and isinstance(table, dict) else table for name, table in content.items()})
@@ -85,7 +86,7 @@ def convergence(grains: int) -> list[dict[str, Any]]:
 
 def workers() -> dict[str, Any]:
     """Whether blocks over workers have the bits of one piece."""
-    content = read("sand") | EFFECT | {"cloud": {"number": 40, "concentration": 0.001, "interval": 1.0}, "run": {"duration": 0.5, "seed": 5}}
+    content = case("sand") | EFFECT | {"cloud": {"number": 40, "concentration": 0.001, "interval": 1.0}, "run": {"duration": 0.5, "seed": 5}}
     content["channel"]["depth"] = DEPTH * content["grain"]["diameter"]
     made = scene_of(content)
     whole = saltation.run(made).jumps
@@ -112,7 +113,7 @@ def suspension(grains: int) -> list[dict[str, float]]:
 
     By w_s/u*; a flight is followed for `LONGEST` of those times.
     """
-    content = read("sand") | {"grain": FINE, "run": {"jumps": 1, "trajectory": False}}
+    content = case("sand") | {"grain": FINE, "run": {"jumps": 1, "trajectory": False}}
     speed = settling_velocity(scene_of(content))
     assert speed is not None
     height, found = 0.25 * DEPTH * FINE["diameter"], []
