@@ -86,12 +86,10 @@ def misses(rows: Sequence[Record]) -> str:
 
 
 def refusals(refused: Sequence[Record]) -> str:
-    """The clause for cases in which nothing known keeps the error at the step given."""
+    """The clause for cases in which nothing is predicted to keep the error at the step given."""
     if not refused:
         return ""
-    asked = short(max(row["error"] for row in refused))
-    least, most = (short(end(row["least"] for row in refused)) for end in (min, max))
-    return f" (and {len(refused)} were refused: nothing is predicted to keep {asked} at the step given, the best has {least} to {most})"
+    return f", {len(refused)} were refused"
 
 
 def opening(data: dict[str, Record]) -> dict[str, Any]:
