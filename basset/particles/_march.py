@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from basset._compile import call, compiled, is_compiled, placed, shared, tabulate
+from basset._compile import call, compiled, shared, tabulate
 from basset.kernels import Floats
 from basset.particles._sources import Sources
-from basset.solvers import events, stepper
+from basset.solvers import stepper
 from basset.solvers._graded import Integration
-from basset.solvers._many import BEGUN, RECORDED, STATUS, UNDONE, Columns
-from basset.solvers.base import MESSAGES, Event, Piece, SolverError, Task, Trace, off_surfaces
+from basset.solvers._many import STATUS, UNDONE, Rows, prepared, set_arguments
+from basset.solvers.base import MESSAGES, Event, Piece, Task, Trace, off_surfaces, traced
 
 LEFT = 3  # status of a particle that left the grid
 STATUSES = {**MESSAGES, LEFT: "The particle left the grid of its flow."}
@@ -61,104 +61,65 @@ def slope_at(polynomial: Floats, kind: int, h: float, theta: float, a: int) -> f
     return 2.0 * total / h / (2.0 * q if kind == 1 else 1.0)
 
 
-@shared
-def sample(fun: Any, p: Any, record: Any, steps: int, columns: Any, j: int, wanted: Floats, felt: bool, states: Floats, histories: Floats, row: Floats) -> None:
-    """States and histories of system j, whose `steps` steps are recorded, at the wanted times up to its end; `felt`: whether the history acts."""
-    end, n, members, polynomial = columns.time[j], columns.y0.shape[1], histories.shape[2], p.work.polynomial
-    k, fitted = -1, -1
-    for i in range(len(wanted)):
-        t = wanted[i]
-        if t > end:
-            break
-        while k + 1 < steps and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
-            k += 1
-        while k > 0 and record.share[k] == 0.0:
-            k -= 1
-        at, theta = k, 0.0
-        if k >= 0:
-            theta = min(max((t - record.start[k]) / record.size[k], 0.0), record.share[k])
-            if theta == 0.0 and k > 0 and record.leapt[k - 1] == 0.0:  # the end of the step before
-                at, theta = k - 1, record.share[k - 1]
-        if at >= 0 and fitted != at:
-            stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
-            fitted = at
-        for a in range(n):
-            if at < 0:
-                row[0, a] = columns.y0[j, a]
-            elif t >= end:
-                row[0, a] = columns.y[j, a]
-            elif theta == 0.0:
-                row[0, a] = record.y[at, a]
-            else:
-                row[0, a] = stepper.at(polynomial, record.y[at], int(record.kind[at]), theta, a)
-            states[j, i, a] = row[0, a]
-        for a in range(members):
-            histories[j, i, a] = 0.0
-        if not felt or at < 0:
-            continue
-        if theta > 0.0:
-            call(fun, t, row, 0, row, 1, row)
-        for a in range(members):
-            b = n - members + a
-            if theta > 0.0:
-                histories[j, i, a] = slope_at(polynomial, int(record.kind[at]), record.size[at], theta, b) - row[1, b]
-            else:  # right behind a jump
-                leap = columns.slip[j, a] if at == 0 else record.after[at - 1, b] - record.before[at - 1, b]
-                if leap != 0.0:
-                    histories[j, i, a] = -math.copysign(math.inf, leap)
+def _make_sample(digest: str) -> Callable[..., Any]:
+    def sample(fun, p, record, columns, wanted, felt, states, histories, row, first, last):
+        """States and histories of systems from number `first` up to `last`, whose steps are the record, at the wanted times up to their ends.
 
-
-def _make_fly(digest: str) -> Callable[..., Any]:
-    def fly(fun, attempt, watch, watching, p, motion, found, start, most, record, columns, first, wanted, felt, states, histories, row):
-        """Particles from number `first` on, each from `start`, sampled, until too much has happened for the log: the number of the first that is not done.
-
-        As `_many.march_many`, but that a suspicion that the flow jumps is no reason to stop: the error is controlled without it. What has more
-        steps and events than there is room for, or fails, has a code that says so.
+        `felt`: whether the history acts.
         """
         digest  # noqa: B018 - part of the cache key
-        state, control, problem = p.state, p.state.control[0], p.problem
-        for j in range(first, len(columns.codes)):
-            logged = found.logged[0]
-            for k in range(columns.tables.shape[0]):
-                for a in range(columns.arguments.shape[1]):
-                    columns.tables[k, a] = columns.arguments[j, a]
-            state.control[0] = start[0]
-            for a in range(len(state.y)):
-                state.y[a], state.rate[a] = columns.y0[j, a], 0.0
-            for a in range(len(motion.held)):
-                motion.held[a] = False
-            for a in range(len(problem.where)):
-                state.jump[a] = columns.slip[j, a]
-                problem.strength[a] = motion.coefficient[a] = columns.coefficient[j, a]
-                for q in range(state.past.shape[1]):
-                    state.past[a, q] = 0.0
-            events.forget(found)
-            code, done = stepper.FULL, 0
-            while code in (stepper.FULL, stepper.ACCEPTED, stepper.SUSPECT):
-                if done >= len(record.start) or found.logged[0] > most:
-                    if logged > 0:
-                        found.logged[0] = logged
-                        return j
-                    code = BEGUN
+        n, members, polynomial, stop = columns.y0.shape[1], histories.shape[2], p.work.polynomial, 0
+        for j in range(first, last):
+            begun, stop, end = stop, columns.steps[j], columns.time[j]
+            if columns.codes[j] not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+                continue
+            set_arguments(columns, j)
+            k, fitted = begun - 1, -1
+            for i in range(len(wanted)):
+                t = wanted[i]
+                if t > end:
                     break
-                code, taken = stepper.advance(attempt, watch, watching, p, record, done)
-                if taken:
-                    done += 1
-            columns.codes[j] = code
-            if code in (stepper.END, stepper.STOPPED, stepper.AT_REST):
-                columns.time[j] = control.time
-                for a in range(len(state.y)):
-                    columns.y[j, a] = state.y[a]
-                sample(fun, p, record, done, columns, j, wanted, felt, states, histories, row)
-            else:
-                found.logged[0] = logged
-            columns.logged[j] = found.logged[0]
-        return len(columns.codes)
+                while k + 1 < stop and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
+                    k += 1
+                while k > begun and record.share[k] == 0.0:
+                    k -= 1
+                at, theta = k, 0.0
+                if k >= begun:
+                    theta = min(max((t - record.start[k]) / record.size[k], 0.0), record.share[k])
+                    if theta == 0.0 and k > begun and record.leapt[k - 1] == 0.0:  # the end of the step before
+                        at, theta = k - 1, record.share[k - 1]
+                if at >= begun and fitted != at:
+                    stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
+                    fitted = at
+                for a in range(n):
+                    if at < begun:
+                        row[0, a] = columns.y0[j, a]
+                    elif t >= end:
+                        row[0, a] = columns.y[j, a]
+                    elif theta == 0.0:
+                        row[0, a] = record.y[at, a]
+                    else:
+                        row[0, a] = stepper.at(polynomial, record.y[at], int(record.kind[at]), theta, a)
+                    states[j, i, a] = row[0, a]
+                for a in range(members):
+                    histories[j, i, a] = 0.0
+                if not felt or at < begun:
+                    continue
+                if theta > 0.0:
+                    call(fun, t, row, 0, row, 1, row)
+                for a in range(members):
+                    b = n - members + a
+                    if theta > 0.0:
+                        histories[j, i, a] = slope_at(polynomial, int(record.kind[at]), record.size[at], theta, b) - row[1, b]
+                    else:  # right behind a jump
+                        leap = columns.slip[j, a] if at == begun else record.after[at - 1, b] - record.before[at - 1, b]
+                        if leap != 0.0:
+                            histories[j, i, a] = -math.copysign(math.inf, leap)
 
-    return fly
+    return sample
 
 
-fly = compiled(_make_fly, usually="some 8 s")
+sample = compiled(_make_sample, allocates=False, usually="some 2 s")
 
 
 DEGREE = 28  # of a step in √θ, at most
@@ -241,23 +202,6 @@ class Swarm:
         """The status, LEFT where the last event was the end of the grid."""
         return LEFT if status == 1 and len(events_seen) and events_seen[-1] == self.leaves else status
 
-    def _solved(self, task: Task) -> Trace:
-        """One particle by itself; what goes wrong is a status."""
-        trace = Trace([task.start], [task.y0.copy()], [])
-        try:
-            task = off_surfaces(task)
-            self.method._integrate(task, trace)
-        except SolverError as error:
-            trace.status, trace.message = -1, str(error) + "."
-        whole = np.isfinite(trace.states).all(axis=1)
-        if not whole.all():
-            last = max(1, int(whole.argmin()))
-            if trace.status >= 0:
-                trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
-            trace.times, trace.states = trace.times[:last], trace.states[:last]
-            trace.pieces = [piece for piece in trace.pieces if piece.end <= trace.times[-1]]
-        return trace
-
     def _log(self, j: int, task: Task, seen: Occurrences) -> list[int]:
         """Note what happened to a particle, in the order of time; the events."""
         order = sorted((time, event.index, k) for event in task.events for k, time in enumerate(event.times))
@@ -270,7 +214,7 @@ class Swarm:
 
     def alone(self, j: int, task: Task, found: Paths, seen: Occurrences) -> None:
         """One particle at the wanted times."""
-        trace = self._solved(task)
+        trace = traced(task, self.method)[1]
         starts = np.array([piece.start for piece in trace.pieces])
         leaps = {event.times[k] for event in task.events if event.jump is not None for k in range(len(event.times))}
         assert self.wanted is not None
@@ -310,7 +254,7 @@ class Swarm:
         """One particle at the ends of its steps; the time of a jump twice, before and after."""
         work, kept = self.sources.bound()
         task, seen = self.task_of(0, work), Occurrences()
-        trace = self._solved(task)
+        trace = traced(task, self.method)[1]
         times, states = np.array(trace.times), np.array(trace.states)
         histories, d = np.zeros((len(times), states.shape[1] // 2)), states.shape[1] // 2
         if self.felt():
@@ -335,7 +279,7 @@ class Block:
     def __init__(self, swarm: Swarm, first: int, last: int, found: Paths) -> None:
         self.swarm, self.first, self.last, self.found, self.seen = swarm, first, last, found, Occurrences()
         self.work, self.kept = swarm.sources.bound()
-        self.one = self._prepared(swarm.task_of(first, self.work))
+        self.one = prepared(swarm.method, swarm.task_of(first, self.work))
         if self.one is not None:
             self._bind(self.one)
 
@@ -344,66 +288,36 @@ class Block:
         for j in which:
             self.swarm.alone(j, self.swarm.task_of(j, self.work), self.found, self.seen)
 
-    def _prepared(self, task: Task) -> Integration | None:
-        """The set-up of compiled code for all of them; None where they have to be solved one by one."""
-        fast = is_compiled(task.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in task.events)
-        if not fast or not hasattr(self.swarm.method, "stages"):
-            return None
-        try:
-            one = Integration(self.swarm.method, task, Trace([task.start], [task.y0.copy()], []))
-        except SolverError:
-            return None
-        return one if len(one.tables.unit.local) else None
-
     def _bind(self, one: Integration) -> None:
         """Arguments of the compiled loops, which are compiled by calling them for no particle."""
-        task, count, swarm = one.task, self.last - self.first, self.swarm
-        n = len(task.y0)
-        one.record = one.record_of(RECORDED)
-        one.tables.fill_all()
-        _, (attempt, watch, watching, parts, _, most, record, _) = one.bind()
+        task, some, swarm = one.task, slice(self.first, self.last), self.swarm
+        count, n = self.last - self.first, len(task.y0)
         tabulate(row := np.zeros(one.arguments.shape[1] - n, dtype=np.int64), task.data or ())
-        arguments, starts = np.tile(row, (count, 1)), swarm.starts[self.first : self.last].copy()
-        arguments[:, 1:] = swarm.scales[self.first : self.last].view(np.int64)
+        arguments, starts = np.tile(row, (count, 1)), swarm.starts[some].copy()
+        arguments[:, 1:] = swarm.scales[some].view(np.int64)
         if any(event.jump is not None and event.direction for event in task.events):
             starts = np.array([off_surfaces(swarm.task_of(j, self.work)).y0 for j in range(self.first, self.last)])
-        active, whole = one.active, partial(np.zeros, count, dtype=np.int64)
-        self.columns = columns = Columns(
-            starts, swarm.slips[self.first : self.last][:, active].copy(), np.tile(task.coefficient[active], (count, 1)), arguments, one.arguments,
-            np.full(count, UNDONE), whole(), whole(), whole(), np.zeros(count), np.zeros((count, n)),
+        rows = self.rows = Rows(one, starts, swarm.slips[some], np.tile(task.coefficient, (count, 1)), arguments, np.full(count, UNDONE), suspects=True)
+        self._sample = partial(
+            sample, one.free.fun, rows.parts, rows.record, rows.table, swarm.wanted, swarm.felt(),
+            self.found.states[some], self.found.histories[some], np.zeros((2, n)),
         )  # fmt: skip
-        motion, log, start, table = placed(one.free), placed(one.events), one.state.control.copy(), placed(columns)
-        states, histories = self.found.states[self.first : self.last], self.found.histories[self.first : self.last]
-        self._march = lambda begun: fly(
-            one.free.fun, attempt, watch, watching, parts, motion, log, start, most, record, table, begun, swarm.wanted, swarm.felt(), states, histories,
-            np.zeros((2, n)),
-        )  # fmt: skip
-        self._march(count)
+        self._sample(count, count)
 
     def march(self) -> None:
-        """All of them."""
-        assert self.one is not None
-        log, columns, done = self.one.events, self.columns, 0
-        while done < self.last - self.first:
-            log.logged[0] = 0
-            end = self._march(done)
-            self._note(log, columns, done, end)
-            done = end
-
-    def _note(self, log: Any, columns: Columns, begun: int, end: int) -> None:
-        """How those that were marched ended, and what happened to them; the general solver for those that compiled code gave back."""
-        found, logged = self.found, 0
-        for j in range(begun, end):
-            happened = slice(logged, int(columns.logged[j]))
-            logged = int(columns.logged[j])
-            if columns.codes[j] not in STATUS:
-                self.alone([self.first + j])
-                continue
-            which = log.log_events[happened]
-            found.status[self.first + j] = self.swarm.ended(STATUS[int(columns.codes[j])], which)
-            found.ends[self.first + j] = columns.time[j]
-            if len(which):
-                self.seen.particle += [self.first + j] * len(which)
-                self.seen.event += which.tolist()
-                self.seen.time += log.log_times[happened].tolist()
-                self.seen.state += list(log.log_states[happened].copy())
+        """All of them: how they ended, and what happened to them; the general solver for those that compiled code gives back."""
+        found, columns, log = self.found, self.rows.columns, self.rows.events
+        for marched in self.rows.marched():
+            self._sample(marched[0][0], marched[-1][0] + 1)
+            for j, _, happened in marched:
+                if columns.codes[j] not in STATUS:
+                    self.alone([self.first + j])
+                    continue
+                which = log.log_events[happened]
+                found.status[self.first + j] = self.swarm.ended(STATUS[int(columns.codes[j])], which)
+                found.ends[self.first + j] = columns.time[j]
+                if len(which):
+                    self.seen.particle += [self.first + j] * len(which)
+                    self.seen.event += which.tolist()
+                    self.seen.time += log.log_times[happened].tolist()
+                    self.seen.state += list(log.log_states[happened].copy())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from basset._compile import compiled, is_compiled, placed, tabulate
+from basset._compile import compiled, is_compiled, placed, shared, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
@@ -40,20 +40,27 @@ class Columns(NamedTuple):
     y: Floats  # (system, state): at the end
 
 
+@shared
+def set_arguments(columns: Columns, j: int) -> None:
+    """Let fun, events and jumps read the arguments of system j."""
+    for k in range(columns.tables.shape[0]):
+        for a in range(columns.arguments.shape[1]):
+            columns.tables[k, a] = columns.arguments[j, a]
+
+
 def _make_march_many(digest: str) -> Callable[..., Any]:
-    def march_many(attempt, watch, watching, p, motion, found, start, most, record, columns, first):
+    def march_many(attempt, watch, watching, p, motion, found, start, most, record, columns, suspects, first):
         """Solve systems from number `first` on, each from `start`, until the record is full: the number of the first one that is not done.
 
-        Where a system needs more than steps and events its code says so: nothing of it is recorded.
+        Where a system needs more than steps and events its code says so: nothing of it is recorded. With `suspects` a suspicion that
+        fun jumps is no reason to stop: the error is controlled without it.
         """
         digest  # noqa: B018 - part of the cache key
         state, control, problem = p.state, p.state.control[0], p.problem
         done, j = 0, first
         while j < len(columns.codes):
             begun, logged = done, found.logged[0]
-            for k in range(columns.tables.shape[0]):
-                for a in range(columns.arguments.shape[1]):
-                    columns.tables[k, a] = columns.arguments[j, a]
+            set_arguments(columns, j)
             state.control[0] = start[0]
             for a in range(len(state.y)):
                 state.y[a], state.rate[a] = columns.y0[j, a], 0.0
@@ -66,7 +73,7 @@ def _make_march_many(digest: str) -> Callable[..., Any]:
                     state.past[a, q] = 0.0
             events.forget(found)
             code = stepper.FULL
-            while code in (stepper.FULL, stepper.ACCEPTED):
+            while code in (stepper.FULL, stepper.ACCEPTED) or (suspects and code == stepper.SUSPECT):
                 if done >= len(record.start) or found.logged[0] > most:
                     if begun == 0:  # too long for the record
                         code = BEGUN
@@ -92,6 +99,44 @@ march_many = compiled(_make_march_many, allocates=False, usually="some 5 s")
 STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.AT_REST: 2}
 
 
+def prepared(method: Any, task: Task) -> Integration | None:
+    """The set-up of compiled code for a task and others that differ by numbers alone; None where they have to be solved one by one."""
+    fast = is_compiled(task.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in task.events)
+    if not fast or len(task.breaks) or task.data is None or not hasattr(method, "stages"):
+        return None
+    try:
+        one = Integration(method, task, Trace([task.start], [task.y0.copy()], []))
+    except SolverError:
+        return None
+    return one if len(one.tables.unit.local) else None  # else the tables of the last step would have to come from Python
+
+
+class Rows:
+    """Systems in compiled code, a row each: starts, slips and coefficients (of all members), arguments (in words), codes."""
+
+    def __init__(self, one: Integration, starts: Floats, slips: Floats, coefficients: Floats, arguments: Any, codes: Any, suspects: bool = False) -> None:
+        one.record, whole = one.record_of(RECORDED), partial(np.zeros, len(starts), dtype=np.int64)
+        one.tables.fill_all()
+        self.events, self.columns = one.events, Columns(
+            starts, slips[:, one.active].copy(), coefficients[:, one.active].copy(), arguments, one.arguments, codes,
+            whole(), whole(), whole(), np.zeros(len(starts)), np.zeros_like(starts),
+        )  # fmt: skip
+        self.table = placed(self.columns)
+        _, (attempt, watch, watching, self.parts, _, most, self.record, _) = one.bind()
+        motion, found, start = placed(one.free), placed(one.events), one.state.control.copy()
+        self._march = partial(march_many, attempt, watch, watching, self.parts, motion, found, start, most, self.record, self.table, suspects)
+        self._march(len(starts))  # compiles it
+
+    def marched(self) -> Iterator[list[tuple[int, slice, slice]]]:
+        """System, its steps in the record and its events in the log, for as many as there is room for at once, until all are done."""
+        columns, end = self.columns, 0
+        while end < len(columns.codes):
+            begun, self.events.logged[0] = end, 0
+            end = self._march(begun)
+            steps, logged = ([0, *ends[begun:end].tolist()] for ends in (columns.steps, columns.logged))
+            yield [(begun + k, slice(*steps[k : k + 2]), slice(*logged[k : k + 2])) for k in range(end - begun)]
+
+
 class Block:
     """Some of the systems, solved by one thread."""
 
@@ -100,18 +145,13 @@ class Block:
 
     def solutions(self) -> list[Solution]:
         """One of each system."""
-        first = self.tasks[0]
-        fast = is_compiled(first.function) and all(is_compiled(event.function) and (event.jump is None or is_compiled(event.jump)) for event in first.events)
-        if not fast or len(first.breaks) or first.data is None or not hasattr(self.method, "stages"):
-            return [self._alone(task) for task in self.tasks]
         try:
-            starts = np.array([off_surfaces(task).y0 for task in self.tasks])
-            one = Integration(self.method, first, Trace([first.start], [first.y0.copy()], []))
+            one = prepared(self.method, self.tasks[0])
+            if one is not None:
+                return self._marched(one, np.array([off_surfaces(task).y0 for task in self.tasks]))
         except SolverError:
-            return [self._alone(task) for task in self.tasks]
-        if not len(one.tables.unit.local):  # the tables of the last step would have to come from Python
-            return [self._alone(task) for task in self.tasks]
-        return self._marched(one, starts)
+            pass
+        return [self._alone(task) for task in self.tasks]
 
     def _alone(self, task: Task) -> Solution:
         task.nfev = 0
@@ -119,56 +159,36 @@ class Block:
         return solution_of(task, self.method, self.dense, self.wanted)
 
     def _marched(self, one: Integration, starts: Floats) -> list[Solution]:
-        first, count = self.tasks[0], len(self.tasks)
-        one.record = one.record_of(RECORDED)
-        one.tables.fill_all()
-        _, (attempt, watch, watching, parts, _, most, record, _) = one.bind()
-        first.rate(first.start, first.y0)  # shape and type are checked here: compiled code does not
-        arguments = np.zeros((count, one.arguments.shape[1] - len(first.y0)), dtype=np.int64)
-        for row, task in zip(arguments, self.tasks, strict=True):
+        tasks = self.tasks
+        tasks[0].rate(tasks[0].start, tasks[0].y0)  # shape and type are checked here: compiled code does not
+        arguments = np.zeros((len(tasks), one.arguments.shape[1] - starts.shape[1]), dtype=np.int64)
+        for row, task in zip(arguments, tasks, strict=True):
             tabulate(row, task.data or ())
-        alike = np.array([one.serves(task) for task in self.tasks])
-        codes = np.where(alike, UNDONE, BEGUN)
-        whole = partial(np.zeros, count, dtype=np.int64)
-        columns = Columns(
-            starts,
-            np.array([task.slip[one.active] for task in self.tasks]).reshape(count, -1),
-            np.array([task.coefficient[one.active] for task in self.tasks]).reshape(count, -1),
-            arguments, one.arguments, codes, whole(), whole(), whole(), np.zeros(count), np.zeros((count, len(first.y0))),
-        )  # fmt: skip
-        found, motion = placed(one.events), placed(one.free)
-        start = one.state.control.copy()
+        alike = np.array([one.serves(task) for task in tasks])
+        slips, coefficients = np.array([task.slip for task in tasks]), np.array([task.coefficient for task in tasks])
+        rows = Rows(one, starts, slips, coefficients, arguments, np.where(alike, UNDONE, BEGUN))
         results: list[Solution] = []
-        while len(results) < count:
-            begun = len(results)
-            one.events.logged[0] = 0
-            end = march_many(attempt, watch, watching, parts, motion, found, start, most, record, placed(columns), begun)
-            step_from = log_from = 0
-            for j in range(begun, end):
-                step_to, log_to = int(columns.steps[j]), int(columns.logged[j])
-                if alike[j] and columns.codes[j] in STATUS:
-                    results.append(self._solution(one, columns, j, (step_from, step_to), (log_from, log_to)))
-                else:
-                    results.append(self._alone(self.tasks[j]))
-                step_from, log_from = step_to, log_to
+        for found in rows.marched():
+            for j, steps, log in found:
+                marched = alike[j] and rows.columns.codes[j] in STATUS
+                results.append(self._solution(one, rows.columns, j, steps, log) if marched else self._alone(tasks[j]))
         return results
 
-    def _solution(self, one: Integration, columns: Columns, j: int, steps: tuple[int, int], log: tuple[int, int]) -> Solution:
+    def _solution(self, one: Integration, columns: Columns, j: int, steps: slice, log: slice) -> Solution:
         task, status = self.tasks[j], STATUS[int(columns.codes[j])]
-        times, states = nodes(one.record, *steps, float(columns.time[j]), columns.y[j])
+        times, states = nodes(one.record, steps.start, steps.stop, float(columns.time[j]), columns.y[j])
         times, states = np.append(task.start, times), np.concatenate([task.y0[None], states]).T
         path = None
         if self.dense or self.wanted is not None:
-            path = Path(one.pieces(*steps), states[:, -1])
+            path = Path(one.pieces(steps.start, steps.stop), states[:, -1])
         if self.wanted is not None:
             times = self.wanted[self.wanted <= times[-1]]
-            states = path(times) if path is not None and steps[1] > steps[0] else np.repeat(task.y0[:, None], len(times), axis=1)
-        happened = slice(*log)
-        which, at, where = one.events.log_events[happened], one.events.log_times[happened], one.events.log_states[happened]
+            states = path(times) if path is not None and steps.stop > steps.start else np.repeat(task.y0[:, None], len(times), axis=1)
+        which, at, where = one.events.log_events[log], one.events.log_times[log], one.events.log_states[log]
         chosen = [which == k for k in range(len(task.events))]
         return Solution(
             times, states, path if self.dense else None, [at[some] for some in chosen], [where[some] for some in chosen],
-            int(columns.calls[j]) + 1, steps[1] - steps[0], status, MESSAGES[status],
+            int(columns.calls[j]) + 1, steps.stop - steps.start, status, MESSAGES[status],
         )  # fmt: skip
 
 

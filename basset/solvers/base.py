@@ -277,8 +277,8 @@ def off_surfaces(task: Task) -> Task:
     return task if y0 is task.y0 else replace(task, y0=y0)
 
 
-def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
-    """The solution of one system."""
+def traced(task: Task, method: Method) -> tuple[Task, Trace]:
+    """The task as it was solved, and what the method produced, up to where it is finite; what goes wrong is a status."""
     trace = Trace([task.start], [task.y0.copy()], [])
     try:
         task = off_surfaces(task)
@@ -291,6 +291,13 @@ def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats |
         if trace.status >= 0:
             trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
         trace.times, trace.states = trace.times[:last], trace.states[:last]
+        trace.pieces = [piece for piece in trace.pieces if piece.end <= trace.times[-1]]
+    return task, trace
+
+
+def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
+    """The solution of one system."""
+    task, trace = traced(task, method)
     path = Path(trace.pieces, trace.states[-1]) if trace.pieces and (dense_output or wanted is not None) else None
     times, states = np.array(trace.times), np.array(trace.states).T
     if wanted is not None:

@@ -386,7 +386,9 @@ def watched(m: Motion, events: Events, k: int, step: Step, most: float) -> int:
 
 @shared
 def between(i: int, low: float, value_low: float, high: float, value_high: float) -> float:
-    """The next guess of a zero in a bracket: that of regula falsi, each fourth time and where that leaves it the middle; `low` if nothing lies between."""
+    """The next guess of a zero in a bracket: that of regula falsi, each fourth time and where that leaves it the middle; `low` if it is narrow enough."""
+    if high - low <= 4e-16 * high:
+        return low
     guess = (low * value_high - high * value_low) / (value_high - value_low) if i % 4 != 3 else 0.5 * (low + high)
     if not low < guess < high:
         guess = 0.5 * (low + high)
@@ -411,8 +413,6 @@ def root(m: Motion, events: Events, k: int, step: Step, low: float, high: float,
         return low if abs(value_low) < abs(value_high) else high
     side, true_low, true_high = 0, abs(value_low), abs(value_high)
     for i in range(200):
-        if high - low <= 4e-16 * high:
-            break
         guess = between(i, low, value_low, high, value_high)
         if guess == low:
             break

@@ -12,7 +12,7 @@ from basset.solvers.stepper import Problem, State, at, restart
 from saltation._random import Draws
 from saltation.bed.rebound import strike
 from saltation.bed.roughness import contact_plane
-from saltation.flight.equations import rise_at, rise_of, stream_at
+from saltation.flight.equations import crossed, rise_at, rise_of, stream_at
 from saltation.flight.layout import NOTHING, RESET, RESTART, Bed, Memory, Model
 from saltation.grain import Triple
 
@@ -89,8 +89,6 @@ def root_of_gap(
     """The contact between `low` (apart) and `high` (touching)."""
     side = 0
     for i in range(80):
-        if high - low <= 4e-16 * high:
-            break
         guess = between(i, low, value_low, high, value_high)
         if guess == low:
             break
@@ -107,15 +105,7 @@ def record_top_and_turning(model: Model, polynomial: Floats, y: Floats, kind: in
     d = model.dimensions
     before, after = rise_of(model, y, own), rise_at(model, polynomial, y, kind, theta, own)
     if before > 0.0 >= after:
-        low, high = 0.0, theta
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            if rise_at(model, polynomial, y, kind, middle, own) > 0.0:
-                low = middle
-            else:
-                high = middle
+        high = crossed(model, polynomial, y, kind, own, True, 0.0, True, 0.0, theta)
         flight.top = max(flight.top, at(polynomial, y, kind, high, d - 1))
     flight.top = max(flight.top, at(polynomial, y, kind, theta, d - 1))
     if model.spins > 0:

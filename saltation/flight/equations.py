@@ -182,39 +182,24 @@ def leaving(model: Model, polynomial: Floats, y: Floats, kind: int, own: Any, st
             if trial == 0:
                 if earlier * later >= 0.0:
                     continue
-                place = turn_of(model, polynomial, y, kind, own, earlier > 0.0, before, after)
+                place = crossed(model, polynomial, y, kind, own, True, 0.0, earlier > 0.0, before, after)
             z = at(polynomial, y, kind, place, d - 1)
             if z < low:
-                return root_of(polynomial, y, kind, d - 1, low, True, before, place)
+                return crossed(model, polynomial, y, kind, own, False, low, True, before, place)
             if z > high:
-                return root_of(polynomial, y, kind, d - 1, high, False, before, place)
+                return crossed(model, polynomial, y, kind, own, False, high, False, before, place)
         before, earlier = after, later
     return 2.0
 
 
 @shared
-def turn_of(model: Model, polynomial: Floats, y: Floats, kind: int, own: Any, falls: bool, low: float, high: float) -> float:
-    """The first θ found at which a grain has turned, from rising to falling or the other way, by bisection."""
+def crossed(model: Model, polynomial: Floats, y: Floats, kind: int, own: Any, turns: bool, level: float, falls: bool, low: float, high: float) -> float:
+    """The first θ found beyond `level` of the height, which is crossed between `low` and `high`, or of how fast it rises (`turns`), by bisection."""
     for _ in range(100):
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break
-        value = rise_at(model, polynomial, y, kind, middle, own)
-        if value < 0.0 if falls else value > 0.0:
-            high = middle
-        else:
-            low = middle
-    return high
-
-
-@shared
-def root_of(polynomial: Floats, y: Floats, kind: int, a: int, level: float, falls: bool, low: float, high: float) -> float:
-    """The first θ found beyond `level` of state a, which crosses it between `low` and `high`, by bisection."""
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            break
-        value = at(polynomial, y, kind, middle, a)
+        value = rise_at(model, polynomial, y, kind, middle, own) if turns else at(polynomial, y, kind, middle, model.dimensions - 1)
         if value < level if falls else value > level:
             high = middle
         else:
