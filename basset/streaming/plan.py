@@ -27,14 +27,14 @@ from basset import _validate
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.streaming.jumps import WithJumps
-from basset.streaming.state import Array, State, Tables, beyond, owned, sample_of
+from basset.streaming.state import Array, AtNewest, State, Tables, beyond, owned, sample_of
 from basset.weights.polynomials import lagrange
 from basset.weights.table import TABLES, Recipe, WeightTable, filtered_by, table
 
 LONG_WINDOW = 256  # from here on a whole path is convolved by FFT
 
 
-class Plan(WithJumps):
+class Plan(AtNewest, WithJumps):
     """A rule made ready to stream with one step size; create it with `rule.plan(dt, horizon, kernel)`.
 
     Parameters
@@ -244,19 +244,6 @@ class Plan(WithJumps):
             state.history[...] = history[-1].reshape(shape)
         state.counters[:] = count + steps, node + steps, max(0, pending - steps)
         return history.reshape(steps, *shape)
-
-    def value(self, state: State) -> Any:
-        """H at the newest node, shape of one sample; 0 after the first push (an initial jump counts from the next node on).
-
-        Parameters
-        ----------
-        state : State
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-        """
-        return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: State) -> Any:
         """The part of H at the next node that does not depend on the next sample, shape of one sample: H = tail + local·g.

@@ -36,6 +36,23 @@ class State(NamedTuple):
     counters: Array  # (3,): samples in the current segment, nodes so far, coming nodes with an entry in `future`
 
 
+class AtNewest:
+    """What any plan reads from a state of its own."""
+
+    def value(self, state: Any) -> Any:
+        """H at the newest node, shape of one sample; 0 after the first push (an initial jump counts from the next node on).
+
+        Parameters
+        ----------
+        state : State or UnevenState
+
+        Returns
+        -------
+        float64, shape of one sample, unit of f × s^(-1/2)
+        """
+        return state.history.copy() if state.history.ndim else float(state.history)
+
+
 class Tables(NamedTuple):
     """What the compiled loops of `_loops` read, in the order in which they take it; in units of H per unit of sample.
 

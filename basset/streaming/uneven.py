@@ -20,7 +20,7 @@ from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, MeiAdrianKernel
 from basset.positive_sums import positive_sum
 from basset.streaming._uneven import decays, run
-from basset.streaming.state import Array, owned, sample_of
+from basset.streaming.state import Array, AtNewest, owned, sample_of
 from basset.weights._panels import DEPTH
 from basset.weights.uneven import at_node, pieces
 
@@ -111,7 +111,7 @@ class UnevenState(NamedTuple):
     counters: Array  # (3,): samples so far, where the segment begins among those that are kept, time of the first sample
 
 
-class UnevenPlan:
+class UnevenPlan(AtNewest):
     """`Exponential` made ready to stream at any times; create it with `Exponential.uneven_plan(horizon)`.
 
     Parameters
@@ -250,19 +250,6 @@ class UnevenPlan:
         state.history[...] = history[-1].reshape(shape)
         state.counters[:] = count + len(rates) - kept, begin - (len(times) - held), start
         return history[kept:].reshape(-1, *shape)
-
-    def value(self, state: UnevenState) -> Any:
-        """H at the newest sample, shape of one sample; 0 after the first one.
-
-        Parameters
-        ----------
-        state : UnevenState
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-        """
-        return state.history.copy() if state.history.ndim else float(state.history)
 
     def tail(self, state: UnevenState, t: float) -> Any:
         """The part of H at the next time that does not depend on the sample there: H = tail + local·g.

@@ -446,14 +446,5 @@ def second_moments(result: Result, without: Result | None = None) -> Figure:
 
 
 CLOUD_PLOTS: dict[str, Callable[[Result], Figure]] = {
-    "three_dimensional": three_dimensional,
-    "plan": plan,
-    "pair": pair,
-    "snapshots": snapshots,
-    "grain_history": grain_history,
-    "profiles": profiles,
-    "encounters": encounters,
-    "second_moments": second_moments,
-    "jumps": plots.jumps,
-    "stream": plots.stream,
+    plot.__name__: plot for plot in (three_dimensional, plan, pair, snapshots, grain_history, profiles, encounters, second_moments, plots.jumps, plots.stream)
 }

@@ -299,11 +299,4 @@ def stream(result: Result) -> Figure:
     return figure
 
 
-PLOTS: dict[str, Callable[[Result], Figure]] = {
-    "trajectory": trajectory,
-    "jumps": jumps,
-    "budget": budget,
-    "diffusion": diffusion,
-    "spin": spin,
-    "stream": stream,
-}
+PLOTS: dict[str, Callable[[Result], Figure]] = {plot.__name__: plot for plot in (trajectory, jumps, budget, diffusion, spin, stream)}
