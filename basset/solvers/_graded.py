@@ -329,12 +329,9 @@ class Integration:
         if self.beyond is not None:  # differences across the jump are no derivatives
             h = float(control.step)
             place = self.state.y + 1e-4 * h * self.beyond
-            here, t = self._one_side(float(control.time), place), float(control.time)
-            for j in range(len(place)):
-                shifted = place.copy()
-                shifted[j] += 1e-5 * h * abs(self.beyond[j]) + 1.5e-8 * max(abs(place[j]) if self.beyond[j] == 0.0 else 0.0, 1e-8)
-                self.state.jacobian[:, j] = (self._one_side(t, shifted) - here) / (shifted[j] - place[j])
-            control.jacobian_known, self.beyond = True, None
+            least = np.maximum(np.where(self.beyond == 0.0, np.abs(place), 0.0), 1e-8)
+            self._differentiate(self._one_side, place, 1e-5 * h * np.abs(self.beyond) + 1.5e-8 * least)
+            self.beyond = None
         return True
 
     def _begin(self, most: float) -> None:
@@ -573,11 +570,16 @@ class Integration:
         shifts = 1.5e-8 * np.maximum(np.abs(state.y), 1e-8)
         away = -math.copysign(1.0, found[0]) * surface.half
         place = state.y + away * float(16.0 * shifts.max() / np.abs(away).max())
-        here = self._rate(t, place)
+        self._differentiate(self._rate, place, shifts)
+
+    def _differentiate(self, rate: _sliding.Rate, place: Floats, shifts: Floats) -> None:
+        """The Jacobian of the rate at a place on one side of a jump, by forward differences."""
+        state, t = self.state, float(self.state.control[0].time)
+        here = rate(t, place)
         for j, shift in enumerate(shifts):
             shifted = place.copy()
             shifted[j] += shift
-            state.jacobian[:, j] = (self._rate(t, shifted) - here) / (shifted[j] - place[j])
+            state.jacobian[:, j] = (rate(t, shifted) - here) / (shifted[j] - place[j])
         state.control[0].jacobian_known = True
 
     def _memory(self, t: float) -> Floats:

@@ -15,7 +15,7 @@ from basset._compile import compiled, is_compiled, placed, shared, tabulate
 from basset.kernels import Floats
 from basset.solvers import events, stepper
 from basset.solvers._graded import Integration, nodes
-from basset.solvers.base import MESSAGES, Event, Path, Solution, SolverError, Task, Trace, off_surfaces, solution_of
+from basset.solvers.base import MESSAGES, Event, Solution, SolverError, Task, Trace, finished, off_surfaces, solution_of
 
 if TYPE_CHECKING:
     from basset.solvers.base import Method
@@ -177,18 +177,13 @@ class Block:
     def _solution(self, one: Integration, columns: Columns, j: int, steps: slice, log: slice) -> Solution:
         task, status = self.tasks[j], STATUS[int(columns.codes[j])]
         times, states = nodes(one.record, steps.start, steps.stop, float(columns.time[j]), columns.y[j])
-        times, states = np.append(task.start, times), np.concatenate([task.y0[None], states]).T
-        path = None
-        if self.dense or self.wanted is not None:
-            path = Path(one.pieces(steps.start, steps.stop), states[:, -1])
-        if self.wanted is not None:
-            times = self.wanted[self.wanted <= times[-1]]
-            states = path(times) if path is not None and steps.stop > steps.start else np.repeat(task.y0[:, None], len(times), axis=1)
+        times, states = np.append(task.start, times), np.concatenate([task.y0[None], states])
+        pieces = one.pieces(steps.start, steps.stop) if self.dense or self.wanted is not None else []
         which, at, where = one.events.log_events[log], one.events.log_times[log], one.events.log_states[log]
         chosen = [which == k for k in range(len(task.events))]
-        return Solution(
-            times, states, path if self.dense else None, [at[some] for some in chosen], [where[some] for some in chosen],
-            int(columns.calls[j]) + 1, steps.stop - steps.start, status, MESSAGES[status],
+        return finished(
+            task, times, states, pieces, [at[some] for some in chosen], [where[some] for some in chosen],
+            (int(columns.calls[j]) + 1, steps.stop - steps.start), status, MESSAGES[status], self.dense, self.wanted,
         )  # fmt: skip
 
 

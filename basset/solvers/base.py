@@ -298,19 +298,21 @@ def traced(task: Task, method: Method) -> tuple[Task, Trace]:
 def solution_of(task: Task, method: Method, dense_output: bool, wanted: Floats | None) -> Solution:
     """The solution of one system."""
     task, trace = traced(task, method)
-    path = Path(trace.pieces, trace.states[-1]) if trace.pieces and (dense_output or wanted is not None) else None
-    times, states = np.array(trace.times), np.array(trace.states).T
-    if wanted is not None:
-        times = wanted[wanted <= trace.times[-1]]
-        states = path(times) if path is not None else np.repeat(task.y0[:, None], len(times), axis=1)
-    return Solution(
-        times,
-        states,
-        path if dense_output else None,
-        [np.array(event.times) for event in task.events],
+    return finished(
+        task, np.array(trace.times), np.array(trace.states), trace.pieces, [np.array(event.times) for event in task.events],
         [np.array(event.states).reshape(len(event.states), len(task.y0)) for event in task.events],
-        task.nfev,
-        trace.steps,
-        trace.status,
-        trace.message or MESSAGES[trace.status],
-    )
+        (task.nfev, trace.steps), trace.status, trace.message or MESSAGES[trace.status], dense_output, wanted,
+    )  # fmt: skip
+
+
+def finished(
+    task: Task, times: Floats, states: Floats, pieces: list[Piece], t_events: list[Floats], y_events: list[Floats],
+    counts: tuple[int, int], status: int, message: str, dense_output: bool, wanted: Floats | None,
+) -> Solution:  # fmt: skip
+    """The solution from times (k,) and states (k, n) at the ends of steps, at the wanted ones; `counts`: of calls and steps."""
+    path = Path(pieces, states[-1]) if pieces and (dense_output or wanted is not None) else None
+    y = states.T
+    if wanted is not None:
+        times = wanted[wanted <= times[-1]]
+        y = path(times) if path is not None else np.repeat(task.y0[:, None], len(times), axis=1)
+    return Solution(times, y, path if dense_output else None, t_events, y_events, *counts, status, message)

@@ -24,7 +24,7 @@ import numpy as np
 from basset._compile import call, compiled, record_type, shared
 from basset.kernels import Floats
 from basset.solvers import stepper
-from basset.solvers.events import all_at
+from basset.solvers.events import all_at, copy
 from basset.solvers.stepper import ACCEPTED, NOT_FINITE, TOO_SMALL
 from saltation.bed.contact import strike_pair
 from saltation.flight import contact, equations, layout, loop
@@ -533,30 +533,23 @@ def find_encounter(parts: Parts, domain: Domain, grains: Grains, first_in_cell: 
 
 
 @shared
-def copy_row(source: Floats, target: Floats) -> None:
-    """A vector into another."""
-    for a in range(len(source)):
-        target[a] = source[a]
-
-
-@shared
 def copy_rows(source: Floats, target: Floats) -> None:
     """A matrix into another."""
     for a in range(len(source)):
-        copy_row(source[a], target[a])
+        copy(source[a], target[a])
 
 
 @shared
 def load_grain(grains: Grains, i: int, g: loop.Flight) -> None:
     """Load a grain into the arrays that steps work on."""
     p, state = g.parts, g.parts.state
-    copy_row(grains.y[i], state.y)
-    copy_row(grains.rate[i], state.rate)
+    copy(grains.y[i], state.y)
+    copy(grains.rate[i], state.rate)
     copy_rows(grains.past[i], state.past)
-    copy_row(grains.jump[i], state.jump)
+    copy(grains.jump[i], state.jump)
     copy_rows(grains.diagonal[i], state.jacobian)
     state.control[0] = grains.control[i]
-    copy_row(grains.spin[i], p.equation.own)
+    copy(grains.spin[i], p.equation.own)
     g.account[0] = grains.flight[i]
     copy_rows(grains.values[i], p.values)
 
@@ -565,12 +558,12 @@ def load_grain(grains: Grains, i: int, g: loop.Flight) -> None:
 def store_grain(grains: Grains, i: int, g: loop.Flight) -> None:
     """Put a grain back, with what taking a step has changed."""
     p, state = g.parts, g.parts.state
-    copy_row(state.y, grains.y[i])
-    copy_row(state.rate, grains.rate[i])
+    copy(state.y, grains.y[i])
+    copy(state.rate, grains.rate[i])
     copy_rows(state.past, grains.past[i])
-    copy_row(state.jump, grains.jump[i])
+    copy(state.jump, grains.jump[i])
     grains.control[i] = state.control[0]
-    copy_row(p.equation.own, grains.spin[i])
+    copy(p.equation.own, grains.spin[i])
     grains.flight[i] = g.account[0]
 
 
