@@ -6,14 +6,17 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import xarray
 
 from basset._compile import compiled
 from basset.evaluate import cumulate
 from basset.exponentials import ExponentialSum
 from basset.kernels import VaryingSlipKernel
+from basset.particles import Flow, maxey_riley
 from basset.quadrature import Daitche, Exponential, Windowed
 from basset.solvers import Collocation, FixedStep, solve
 from basset.streaming import LONG_WINDOW
+from basset.tracks import history
 
 
 def _make_decay(digest: str) -> Callable[..., Any]:
@@ -58,10 +61,26 @@ def compiled_functions() -> None:
     solve(compiled(_make_decay), (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4))
 
 
+def spheres() -> None:
+    """Particles in a flow on a grid, at given times."""
+    nodes = {name: [0.0, 1.0, 2.0, 3.0] for name in ("x", "y")}
+    flow = Flow.from_dataset(xarray.Dataset({name: (("x", "y"), np.zeros((4, 4))) for name in ("u", "v")}, nodes))
+    sphere: dict[str, Any] = {"diameter": 1e-2, "density_ratio": 2.0, "viscosity": 1e-3}
+    maxey_riley(flow, (0.0, 1.0), [[1.0, 1.0], [2.0, 1.0]], gravity=(0.0, -1.0), t_eval=[0.0, 1.0], method=Collocation(rtol=1e-4), **sphere)
+
+
+def tracks() -> None:
+    """Stored tracks, with the velocity of the fluid and without."""
+    track = xarray.Dataset({"slip": (("obs", "component"), np.ones((9, 2)))}, {"time": ("obs", np.arange(9.0))})
+    history(track, diameter=1e-3, viscosity=1e-6, density=1e3, rtol=1e-3)
+
+
 TASKS: dict[str, Callable[[], None]] = {
     "streams of samples": streams,
     "streams with a slip-dependent kernel": slips,
     "samples at any times": times,
+    "stored tracks": tracks,
+    "particles in a flow": spheres,
     "solvers of a Python function": python_functions,
     "solvers of a compiled function": compiled_functions,
 }

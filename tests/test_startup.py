@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import xarray
+
+from basset._ahead import TASKS
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAVY = (
@@ -128,12 +133,14 @@ class Count(numba.core.event.Listener):
         pass
 
 numba.core.event.register("numba:compile", Count())
-if sys.argv[1] == "basset":
-    from basset.cli import main
-else:
+if sys.argv[1] == "saltation":
     from saltation.cli import main
+else:
+    from basset.cli import main
 try:
-    for words in " ".join(sys.argv[2:]).split(" then "):
+    if sys.argv[1] == "python":
+        exec(sys.argv.pop())
+    for words in " ".join(sys.argv[2:]).split(" then ") if sys.argv[2:] else ():
         try:
             main(words.split())
         except SystemExit as done:
@@ -144,10 +151,12 @@ finally:
 """
 
 
-def command(*words: str) -> subprocess.CompletedProcess[str]:
-    """Commands of one package, with "then" between them, in a fresh process."""
+def command(*words: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    """Commands of one package, with "then" between them, or lines of Python, in a fresh process."""
     variables = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"} | {"PYTHONPATH": str(ROOT)}
-    return subprocess.run([sys.executable, "-W", "error", "-c", COUNT, *words], env=variables, capture_output=True, encoding="utf-8", timeout=600, check=False)
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", COUNT, *words], cwd=cwd, env=variables, capture_output=True, encoding="utf-8", timeout=600, check=False
+    )
 
 
 def test_a_run_after_a_warmup_compiles_nothing():
@@ -162,11 +171,29 @@ def test_a_run_after_a_warmup_compiles_nothing():
     assert runs.stdout.count("finished: ") == 3
 
 
-def test_streams_and_solvers_after_a_warmup_compile_nothing():
+def test_what_the_readme_shows_compiles_nothing_after_a_warmup(tmp_path):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = [line.split("  #")[0].removeprefix("basset ") for line in re.findall(r"^basset .*", text, re.M)]
+    assert {line.split()[0] for line in commands} == {"advise", "compare", "weights", "history", "sum"}
+    t = 0.05 * np.arange(401)
+    np.savetxt(tmp_path / "samples.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t,rate", comments="")
+    fields = {name: (("trajectory", "obs"), [np.sin(t + k), np.cos(t)]) for k, name in enumerate(("u", "v", "uf", "vf"))}
+    xarray.Dataset(fields, {"time": ("obs", t)}).to_netcdf(tmp_path / "tracks.nc", engine="scipy")
     assert command("basset", "warmup").returncode == 0
-    done = command("basset", "compare", "fresnel")
-    assert (done.returncode, done.stderr) == (0, "COMPILED\n")
-    assert command("basset", "warmup").stdout.count("all was compiled before") == 5
+    lines = re.search(r"^```python\n(.*?)^```$", text, re.M | re.S)[1]
+    for words in (("basset", "compare fresnel then " + " then ".join(commands)), ("python", lines)):
+        done = command(*words, cwd=tmp_path)
+        assert (done.returncode, done.stderr.splitlines()[-1]) == (0, "COMPILED"), done.stderr
+    assert command("basset", "warmup").stdout.count("all was compiled before") == len(TASKS)
+
+
+def test_particles_after_a_warmup_compile_no_more_than_their_equation(tmp_path):
+    assert command("basset", "warmup").returncode == 0
+    guide = (ROOT / "reports" / "guide.md").read_text(encoding="utf-8")
+    (lines,) = (code for code in re.findall(r"^```python\n(.*?)^```$", guide, re.M | re.S) if "maxey_riley" in code)
+    done = command("python", lines, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not {"march", "march_many", "sample"} & set(done.stderr.split())
 
 
 def test_a_scene_that_is_none_is_a_mistake_before_anything_is_compiled():
