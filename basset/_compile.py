@@ -370,11 +370,14 @@ def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:
     return function
 
 
+def itself(function: Any) -> Any:
+    """The compiled function behind a `Compiled`, which a module holds until its first call; any other as it is."""
+    return function._made() if isinstance(function, Compiled) else function
+
+
 def is_compiled(function: Any) -> bool:
     """Whether `function` is a compiled function (numba.njit) that compiled code can call."""
-    if isinstance(function, Compiled):
-        function = function._made()
-    return "numba" in sys.modules and isinstance(function, compiler().core.dispatcher.Dispatcher)
+    return "numba" in sys.modules and isinstance(itself(function), compiler().core.dispatcher.Dispatcher)
 
 
 def shared(function: Function) -> Function:
@@ -688,7 +691,7 @@ def c_function(function: Any, args: tuple[Any, ...], table: Any, number: bool = 
     kinds = tuple(
         (value.shape, value.dtype) if hasattr(value, "ctypes") else _FLOAT if isinstance(value, float) else (None, value, type(value)) for value in args
     )
-    made = _c_function(function, kinds, len(table) - len(args), number)
+    made = _c_function(itself(function), kinds, len(table) - len(args), number)
     tabulate(table, args)
     return Entry(made.address, table.ctypes.data)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -122,30 +122,6 @@ def _make_sample(digest: str) -> Callable[..., Any]:
 sample = compiled(_make_sample, allocates=False, usually="some 2 s")
 
 
-DEGREE = 28  # of a step in √θ, at most
-
-
-@lru_cache(maxsize=1)
-def _chebyshev() -> tuple[Floats, Floats]:
-    """Points θ, and the matrix from values there to the Chebyshev coefficients of the slope with respect to √θ."""
-    points = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, DEGREE))
-    return (0.5 * (1.0 + points)) ** 2, np.asarray(2.0 * np.polynomial.chebyshev.chebder(inverse))
-
-
-def slopes(piece: Piece, theta: float) -> Floats:
-    """Rates at θ > 0 of a piece, which is a polynomial in √θ."""
-    points, _ = _chebyshev()
-    root, values = math.sqrt(theta), piece.values(points)
-    return np.asarray(_row(root) @ (values - values[0]) / (2.0 * root * piece.length))
-
-
-@lru_cache(maxsize=64)  # most are at the ends of steps
-def _row(root: float) -> Floats:
-    """Weights of the values at those points for the slope at √θ."""
-    return np.asarray((np.polynomial.chebyshev.chebvander(2.0 * root - 1.0, DEGREE - 1) @ _chebyshev()[1])[0])
-
-
 @dataclass
 class Swarm:
     """Particles alike but for their start and their scales."""
@@ -248,12 +224,11 @@ class Swarm:
     def _history(self, task: Task, piece: Piece, t: float, state: Floats) -> Floats:
         d, theta = len(task.memory), min((t - piece.start) / piece.length, 1.0)
         rates = np.asarray(task.function(t, state.copy(), *task.args))
-        return np.asarray(slopes(piece, theta)[-d:] - rates[-d:])
+        return np.asarray(piece.slopes(np.array([theta]))[0, -d:] - rates[-d:])
 
     def _stepwise(self) -> Paths:
         """One particle at the ends of its steps; the time of a jump twice, before and after."""
-        work, kept = self.sources.bound()
-        task, seen = self.task_of(0, work), Occurrences()
+        task, seen = self.task_of(0, self.sources.own[0]), Occurrences()
         trace = traced(task, self.method)[1]
         times, states = np.array(trace.times), np.array(trace.states)
         histories, d = np.zeros((len(times), states.shape[1] // 2)), states.shape[1] // 2
@@ -268,7 +243,6 @@ class Swarm:
                     k = int(np.argmin(np.abs(ends - t)))
                     histories[i] = self._history(task, trace.pieces[k], t, states[i])
         status = self.ended(trace.status, self._log(0, task, seen))
-        del kept
         messages = {0: trace.message} if trace.status < 0 else {}
         return Paths(times, states[None], histories[None], np.array([status], dtype=np.int32), times[-1:].copy(), messages, seen)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,20 @@ if TYPE_CHECKING:
 MEANINGS = {-1: "failure", 0: "end_reached", 1: "terminal_event", 2: "at_rest", LEFT: "left_the_grid"}
 
 
+def coordinate(name: str, values: Any, attributes: dict[str, str] | None = None) -> tuple[Any, Any]:
+    """A coordinate with its index."""
+    import xarray
+
+    made = xarray.IndexVariable(name, values, attributes)  # type: ignore[no-untyped-call]  # xarray leaves it so
+    return made, xarray.indexes.PandasIndex(made, name)
+
+
+@lru_cache(maxsize=32)
+def labels(name: str, values: tuple[str, ...] | range) -> tuple[Any, Any]:
+    """A coordinate of words or of numbers from 0: to index them took a third of a dataset's time."""
+    return coordinate(name, np.array(values) if isinstance(values, tuple) else np.arange(len(values), dtype=np.int32))
+
+
 def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: dict[str, Any]) -> xarray.Dataset:
     """The result; `mass` of the displaced fluid, kg."""
     import xarray
@@ -22,16 +37,15 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
     d, sources = swarm.sources.dimensions, swarm.sources
     length, speed = swarm.scales[:, 0, None, None], swarm.scales[:, 1, None, None]
     places, slips = paths.states[..., :d] * length, paths.states[..., d:] * speed
-    work, kept = sources.bound()
+    work = sources.own[0]
     velocities = np.full_like(places, np.nan)
     forces = np.full((len(eq.KINDS), *places.shape), np.nan)
     (eq.forces if sources.fast else eq.plain_forces)(paths.times, places, slips, paths.histories * speed, work, mass, velocities, forces)
-    del kept
     acting = [k for k, kind in enumerate(eq.KINDS) if not ((kind == "lift" and sources.lift is None) or (kind == "history" and not history))]
     path = ("particle", "time", "component")
 
-    def variable(dims: tuple[str, ...], values: Any, units: str, name: str) -> tuple[tuple[str, ...], Any, dict[str, str]]:
-        return dims, values, {"units": units, "long_name": name}
+    def variable(dims: tuple[str, ...], values: Any, units: str, name: str) -> xarray.Variable:
+        return xarray.Variable(dims, values, {"units": units, "long_name": name})
 
     fields: dict[str, Any] = {
         "position": variable(path, places, "m", "position"),
@@ -50,10 +64,8 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
         whose = np.array([seen.particle[k] for k in kept_ones], dtype=np.int32)
         times = np.array([seen.time[k] for k in kept_ones])
         where, slip = states[:, :d] * swarm.scales[whose, :1], states[:, d:] * swarm.scales[whose, 1:]
-        work, kept = sources.bound()
         found = np.zeros((len(whose), eq.MATERIAL_AT + 3))
         (eq.fields if sources.fast else eq.plain_fields)(times, where, work, found)
-        del kept
         one = ("occurrence",)
         fields |= {
             "event_time": variable(one, times, "s", "when it happened"),
@@ -62,12 +74,11 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
             "event_position": variable((*one, "component"), where, "m", "where it happened"),
             "event_velocity": variable((*one, "component"), found[:, :d] + slip, "m s-1", "velocity of the particle before any jump"),
         }
-    coordinates = {
-        "time": ("time", paths.times, {"units": "s", "long_name": "time"}),
-        "particle": ("particle", np.arange(len(places), dtype=np.int32)),
-        "component": ("component", list("xyz"[:d])),
-        "kind": ("kind", [eq.KINDS[k] for k in acting]),
-    }
+    made = (
+        coordinate("time", paths.times, {"units": "s", "long_name": "time"}), labels("particle", range(len(places))),
+        labels("component", tuple("xyz"[:d])), labels("kind", tuple(eq.KINDS[k] for k in acting)),
+    )  # fmt: skip
+    coordinates = xarray.Coordinates({one.name: one for one, _ in made}, {one.name: index for one, index in made})
     failures = "; ".join(f"particle {j}: {message}" for j, message in list(paths.messages.items())[:10])
     about = {"title": "Motion of spheres in a flow (Maxey & Riley 1983)", "comment": "SI units", "statuses": " ".join(STATUSES.values())}
     return xarray.Dataset(fields, coordinates, about | attributes | ({"failures": failures} if failures else {}))

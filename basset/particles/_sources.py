@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ class Sources:
     lift: Any
     numbers: Floats
 
-    @property
+    @cached_property
     def fast(self) -> bool:
         """Whether everything is compiled."""
         given = [one for one in (self.gradient, self.material_derivative, self.drag) if callable(one)]
@@ -69,6 +69,11 @@ class Sources:
                     shape = ((d,), (d, d), (d,), ())[k]
                     work.functions[k] = partial(_filled, law, f"{names[k]} must return {what[k]}", shape)
         return np.asarray(work) if self.fast else work, kept
+
+    @cached_property
+    def own(self) -> tuple[Floats, Any]:
+        """The work space of the main thread."""
+        return self.bound()
 
     @property
     def motion(self) -> Callable[..., Any]:
@@ -181,9 +186,7 @@ def _within(flow: Flow, t: float, y: Floats, work: Any, length: float, speed: fl
 
 def fields_at(sources: Sources, t: float, places: Floats) -> Floats:
     """u, ∇u and Du/Dt at many places at one time."""
-    work, kept = sources.bound()
-    found = fields_of(work, np.full(len(places), t), places, sources.fast)
-    del kept
+    found = fields_of(sources.own[0], np.full(len(places), t), places, sources.fast)
     d = sources.dimensions
     for name, part in (("velocity", found[:, :d]), ("material_derivative", found[:, eq.MATERIAL_AT : eq.MATERIAL_AT + d]), ("gradient", found)):
         if not np.isfinite(part).all():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -37,7 +37,10 @@ SLIDING = (
 
 def _shortened(piece: Piece, share: float) -> Piece:
     """The first part of a piece."""
-    return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share))
+    return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share), lambda theta: piece.slopes(theta * share))
+
+
+fitted = lru_cache(maxsize=64)(ExponentialSum.fit)
 
 
 def nodes(record: stepper.Record, first: int, last: int, time: float, y: Floats) -> tuple[Floats, Floats]:
@@ -130,8 +133,16 @@ class Integration:
         made = events.bound(task)
         self.calls, self.arguments = made.calls, made.arguments
         self.free = self._motion(made.fun, made.functions, made.jumps)
-        self.sliding = self._motion(made.calls.entry(self._rate, n, n), [], [])
-        self.plain = self._motion(partial(filled, self._rate), *events.plain(task.events))
+
+    @cached_property
+    def sliding(self) -> events.Motion:
+        """The rate on a surface, without events."""
+        return self._motion(self.calls.entry(self._rate, *[len(self.state.y)] * 2), [], [])
+
+    @cached_property
+    def plain(self) -> events.Motion:
+        """The same, with events, for plain Python."""
+        return self._motion(partial(filled, self._rate), *events.plain(self.task.events))
 
     def _motion(self, fun: Any, functions: list[Any], jumps: list[Any]) -> events.Motion:
         """The functions that the compiled loop calls, with the arrays that events need."""
@@ -170,7 +181,7 @@ class Integration:
             return _geometric(near, far, tolerance, self.kernel)
         while True:
             try:
-                found = ExponentialSum.fit(near * 1.001, far, tolerance, self.kernel)
+                found = fitted(near * 1.001, far, tolerance, self.kernel)
                 if self.problem.rtol < FINEST and tolerance > 1e3 * self.problem.rtol:
                     sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is good to {:.1g} only, got {:g}"
                     raise SolverError(sentence.format(FINEST, self.kernel, tolerance, self.problem.rtol))
@@ -555,9 +566,14 @@ class Integration:
 
     def _piece(self, start: float, h: float, singular: bool, y: Floats, values: Floats) -> Piece:
         stages = self.stages
-        if singular:
-            return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values)
-        return Piece(start, h, lambda theta: y + h * (stages.regular.integrals(theta) @ values))
+        if not singular:
+            return Piece(start, h, lambda theta: y + h * (stages.regular.integrals(theta) @ values), lambda theta: stages.regular.values(theta) @ values)
+
+        def slopes(theta: Floats) -> Floats:
+            root = np.sqrt(theta)
+            return np.asarray(stages.singular.slopes(root)[..., 1:] @ values / (2.0 * h * root[:, None]))
+
+        return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values, slopes)
 
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""

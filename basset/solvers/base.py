@@ -35,6 +35,7 @@ class Piece:
     start: float
     length: float
     values: Callable[[Floats], Floats]  # θ (k,) -> (k, states)
+    slopes: Callable[[Floats], Floats]  # θ (k,) -> (k, states): rates, per time; of a step in √θ for θ > 0
 
     @property
     def end(self) -> float:

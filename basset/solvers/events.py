@@ -7,7 +7,7 @@ Event functions and jumps are called by `basset._compile.call`. Zeros by bounds 
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -675,18 +675,23 @@ def fire(m: Motion, events: Events, t: float, y: Floats, after: Floats, still: F
     return RESTING
 
 
+@lru_cache(maxsize=32)
+def chebyshev(degree: int) -> tuple[Floats, Floats]:
+    """Chebyshev's points on [0, 1], and the matrix from values there to coefficients."""
+    points = np.sin(np.pi * (np.arange(degree + 1) / degree - 0.5))
+    return 0.5 * (points + 1.0), np.linalg.inv(np.polynomial.chebyshev.chebvander(points, degree))
+
+
 def events_of(specified: Any, states: int, degree: int) -> Events:
     """Room for events, none of which has happened; `specified` have terminal, direction and jump."""
     m = len(specified)
-    points = np.sin(np.pi * (np.arange(degree + 1) / degree - 0.5))
-    transform = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, degree))
     most = (2**HALVINGS * (2 * degree + 2) + 64) if m else 1
     floats, flags, whole = np.zeros, partial(np.zeros, dtype=np.bool_), partial(np.zeros, dtype=np.int64)
     return Events(
         np.array([event.terminal for event in specified], dtype=np.int64), np.array([event.direction for event in specified], dtype=np.float64),
         np.array([event.jump is not None for event in specified], dtype=np.bool_), whole(m), np.full(m, -math.inf), floats(m), floats(m), floats(m),
         floats(m), whole(m), flags(m), flags(m), flags(m), flags(m), floats((m, states)), floats(m), whole(m), whole(1), floats(m * most), whole(m * most),
-        floats(2 * m * most), floats((2 * m * most, states)), whole(2 * m * most), whole(1), whole(2), floats(1), 0.5 * (points + 1.0), transform,
+        floats(2 * m * most), floats((2 * m * most, states)), whole(2 * m * most), whole(1), whole(2), floats(1), *chebyshev(degree),
         floats(2 * degree + 2), floats(degree + 1), floats(degree + 2), floats(most), floats(most), floats((256, 3)), floats((1, 1)),
     )  # fmt: skip
 

@@ -82,15 +82,23 @@ class _Grid(Method):
 def hermite(start: float, length: float, states: Floats, rates: Floats) -> Piece:
     """Cubics through the states and rates at equidistant nodes (node, state)."""
     count = len(states) - 1
+    h = length / count
 
-    def values(theta: Floats) -> Floats:
+    def placed(theta: Floats) -> tuple[Any, Floats]:
         place = theta * count
         k = np.minimum(place.astype(np.intp), count - 1)
-        x, h = (place - k)[:, None], length / count
-        slopes = h * x * (1.0 - x) * ((1.0 - x) * rates[k] - x * rates[k + 1])
-        return np.asarray((1.0 + 2.0 * x) * (1.0 - x) ** 2 * states[k] + x**2 * (3.0 - 2.0 * x) * states[k + 1] + slopes)
+        return k, (place - k)[:, None]
 
-    return Piece(start, length, values)
+    def values(theta: Floats) -> Floats:
+        k, x = placed(theta)
+        bent = h * x * (1.0 - x) * ((1.0 - x) * rates[k] - x * rates[k + 1])
+        return np.asarray((1.0 + 2.0 * x) * (1.0 - x) ** 2 * states[k] + x**2 * (3.0 - 2.0 * x) * states[k + 1] + bent)
+
+    def slopes(theta: Floats) -> Floats:
+        k, x = placed(theta)
+        return np.asarray(6.0 * x * (1.0 - x) / h * (states[k + 1] - states[k]) + (1.0 - x) * (1.0 - 3.0 * x) * rates[k] + x * (3.0 * x - 2.0) * rates[k + 1])
+
+    return Piece(start, length, values, slopes)
 
 
 class _Integration:

@@ -12,6 +12,7 @@ from solver_cases import CASES, RTOLS, drop, relaxing, settling, stream, vortex
 
 import basset
 from basset import reference
+from basset.solvers import _graded
 
 pytestmark = pytest.mark.analytic
 
@@ -122,14 +123,14 @@ class TestCost:
 
     def test_memory_does_not_grow_with_the_impacts(self, monkeypatch):
         """The past is one sum of exponentials, of as many terms for seventy jumps as for three."""
-        fit = basset.ExponentialSum.fit
+        fit = _graded.fitted
         terms = []
 
         def watched(*args, **kwargs):
             terms.append(len(fit(*args, **kwargs)))
             return fit(*args, **kwargs)
 
-        monkeypatch.setattr(basset.ExponentialSum, "fit", watched)
+        monkeypatch.setattr(_graded, "fitted", watched)
         results = [drop(1.0, 0.6, e, 8.0, basset.Collocation(rtol=1e-6)) for e in (0.02, 0.8)]
         impacts = [len(result.t_events[0]) for result in results]
         assert impacts[0] <= 10 < 60 <= impacts[1]

@@ -124,6 +124,19 @@ class TestTwoExecutions:
         for one, other in zip(compiled, plain, strict=True):
             np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-13 * np.abs(other).max())
 
+    def test_a_function_that_is_not_loaded_yet_is_made_a_c_function_once(self):
+        def make(digest):
+            def opposite(t, y):
+                digest
+                return -y
+
+            return opposite
+
+        late = _compile.compiled(make)
+        first = _compile.c_function(late, (), np.zeros(2, dtype=np.int64))
+        again = _compile.c_function(_compile.itself(late), (), np.zeros(2, dtype=np.int64))
+        assert first.address == again.address
+
     def test_not_a_number_keeps_its_meaning(self):
         """Reordering is allowed, assuming that there are no NaN is not: the inner loops pass them on."""
         from basset.streaming import _loops

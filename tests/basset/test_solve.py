@@ -69,6 +69,19 @@ class TestResults:
                 result.sol(outside)
         assert coupled(6.0).solve(method).sol is None
 
+    @every_method
+    def test_every_piece_has_the_slopes_of_its_values(self, method):
+        """From a start with slip, with a jump that shortens a step; against differences of the eighth order."""
+        floor = marked(lambda t, y: y[0] - 0.5, jump=lambda t, y: [y[0], y[1] + 0.3, y[2]], direction=-1.0)
+        pieces = coupled(6.0).solve(method, dense_output=True, events=[floor]).sol._pieces
+        assert len(pieces) > 1
+        far, weights = np.arange(1.0, 5.0), np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+        for piece in pieces:
+            theta, h = np.array([0.3, 0.61, 0.9]), 1e-4
+            differences = sum(w * (piece.values(theta + k * h) - piece.values(theta - k * h)) for k, w in zip(far, weights, strict=True))
+            slopes = piece.slopes(theta)
+            assert np.abs(differences / (h * piece.length) - slopes).max() < 1e-14 / (h * piece.length) + 1e-10 * np.abs(slopes).max()
+
     @every_accuracy
     def test_dense_output_is_continuous_and_right(self, method, accuracy):
         case = smooth(1.0, 0.6, 6.0)
