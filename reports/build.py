@@ -26,8 +26,8 @@ from reports.site.page import HERE, Page, Picture, folder, into, kept, load, wri
 from reports.words import Record
 
 ORDER = (  # others follow
-    *("quadrature", "memory", "advice", "how_to_choose", "solver", "stepper", "saltation", "measured", "blind", "turbulence"),
-    *("choosing", "flights", "scenes", "grains"),
+    *("quadrature", "memory", "advice", "how_to_choose", "solver", "particles", "stepper", "saltation", "measured", "blind"),
+    *("turbulence", "choosing", "flights", "scenes", "grains"),
 )
 FOUND = sorted(path.stem for path in (HERE / "templates").glob("*.md"))
 PAGES: tuple[Page, ...] = tuple(importlib.import_module(f"reports.{name}").PAGE for name in dict.fromkeys((*ORDER, *FOUND)))

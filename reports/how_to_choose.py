@@ -4,10 +4,28 @@ from __future__ import annotations
 
 from reports import flights, quadrature, solver
 from reports.site.page import Page, fill, footer
-from reports.words import Record, of, reaches, select
+from reports.words import Record, grouped, of, reaches, seconds, select, short
 
-SUITES = ("fresnel", "stream", "coupled", "flights", "advice")
+SUITES = ("fresnel", "stream", "coupled", "flights", "advice", "particles")
 STREAM = "Exponential(3, 1e-6)"
+
+
+def measured(found: Record | None) -> dict[str, str]:
+    """What is said of samples at any times and of spheres in a flow; a dash where they were not measured."""
+    names = ("track_error", "track", "sphere_error", "sphere")
+    if found is None:
+        return dict.fromkeys(names, "–")
+    track = of(found["tracks"], rtol=1e-6)[-1]
+    sphere = min((r for r in of(found["exact"], flow="vortex", slip=True) if r["error"] <= 1e-6), key=lambda r: float(r["seconds"]))
+    swarm = found["swarm"]
+    each = swarm["seconds"]["1"] / swarm["particles"]
+    said = (
+        f"{short(track['error'])} from {grouped(track['n'])} samples",
+        f"{seconds(track['seconds'] / track['n'])} a sample",
+        f"{short(sphere['error'])} in a vortex",
+        f"{seconds(sphere['seconds'])} alone, {seconds(each)} each of {grouped(swarm['particles'])}",
+    )
+    return dict(zip(names, said, strict=True))
 
 
 def how_to_choose(data: dict[str, Record]) -> str:
@@ -25,13 +43,13 @@ def how_to_choose(data: dict[str, Record]) -> str:
         stream=select(data["stream"]["records"], scheme=STREAM)[-1],
         step=sum(calls[name] for name in ("tail", "local", "push")),
         own=solver.cheapest(of(own, problem="relaxing"), 1e-9),
-        vortex=solver.cheapest(of(own, problem="vortex, slip 1"), 1e-6),
         race=solver.race(found)["own"],
         jump=flights.cost(flown, "sand"),
         kept=kept,
         met=sum(row["meets"] for row in advised),
         cases=len(advised),
-        footer=footer({name: data[name] for name in SUITES}),
+        **measured(data.get("particles")),
+        footer=footer({name: data[name] for name in SUITES if name in data}),
     )
 
 
