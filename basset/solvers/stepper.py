@@ -42,14 +42,14 @@ CONTROL = record_type(
     ("jacobian_known", "?"), ("guess_known", "?"),
 )  # fmt: skip
 FULLY, DIAGONALLY = 10, 30  # iterations at most
-SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian
+SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian, unless the problem asks for less
 
 
 class Equation(NamedTuple):
     """y' = fun(t, y) without history, `own` being passed to `fun` as work space; components at rest.
 
-    For a diagonal Jacobian: the first `moved` components damp nothing, on the first `idle` nothing depends, the others are alike by so many;
-    those that remember lie side by side.
+    For a diagonal Jacobian: the first `moved` and the last `driven` components damp nothing, on the first `idle` nothing depends, the others are alike
+    by so many; those that remember lie side by side.
     """
 
     fun: Any
@@ -58,6 +58,7 @@ class Equation(NamedTuple):
     moved: int = 0
     idle: int = 0
     alike: int = 1
+    driven: int = 0
 
 
 class Problem(NamedTuple):
@@ -78,6 +79,7 @@ class Problem(NamedTuple):
     first: float = -math.inf
     last: float = math.inf
     singular_factor: float = 1.0  # on the error estimate of singular steps
+    settled: float = SETTLED
 
 
 class Nodes(NamedTuple):
@@ -680,14 +682,15 @@ def differentiate_diagonally(p: Parts) -> None:
     here, out, y, diagonal, time = work.here, work.out, state.y, state.jacobian[0], state.control[0].time
     for a in range(len(y)):
         here[0, a] = here[1, a] = y[a]
+    damped = len(y) - equation.driven
     call(equation.fun, time, here, 0, out, 0, equation.own)
-    for a in range(equation.moved, len(y)):
+    for a in range(equation.moved, damped):
         here[1, a] = y[a] + 1.5e-8 * max(abs(y[a]), 1e-3)
         call(equation.fun, time, here, 1, out, 1, equation.own)
         diagonal[a] = min(0.0, (out[1, a] - out[0, a]) / (here[1, a] - y[a]))
         here[1, a] = y[a]
-    for low in range(equation.moved, len(y), equation.alike):
-        high = min(low + equation.alike, len(y))
+    for low in range(equation.moved, damped, equation.alike):
+        high = min(low + equation.alike, damped)
         mean = 0.0
         for a in range(low, high):
             mean += diagonal[a] / (high - low)
@@ -825,7 +828,7 @@ def iterate(p: Parts) -> int:
         if iteration > 0:
             if not math.isfinite(size):
                 return -iteration
-            if size <= max(SETTLED, floor) or (iteration > 4 and 0.9 * previous < size <= max(0.1, 10.0 * floor)):
+            if size <= max(problem.settled, floor) or (iteration > 4 and 0.9 * previous < size <= max(0.1, 10.0 * floor)):
                 for i in range(count):
                     for a in range(idle):
                         values[i, a] = rates[i, a]

@@ -52,7 +52,7 @@ ACROSS = 18.0  # s, over which σ_v is damped: fitted to DNS at Re_τ = 186
 VAN_DRIEST = 26.0  # s
 SLOWEST = 10.0  # s: T_L is no shorter
 SURFACE = 0.05  # h over which w' vanishes at the surface
-HIGHEST = 1.25  # h: above, all is as there
+HIGHEST = 1.1  # h: above, all is as there
 DISSIPATION = 9.8
 STATES = 3  # the clock τ, the drift q and its rate
 OWN = 5  # of a grain's own numbers before the eddies': spin, layer, and which grain it is
@@ -76,6 +76,7 @@ def pieces(degree: int) -> Floats:
 CORRELATION = pieces(2 * SPLINE + 1)[:, SPLINE + 1 :]  # ∫B(x) B(x + y) dx by the whole part of y from 0 on
 VARIANCE = float(CORRELATION[0, 0])  # of ξ without its factor, on the average over the interval
 KNOTS = 2.0 * VARIANCE  # between two knots of τ, for an integral scale of 1
+PER_KNOT = 1.0 / KNOTS
 POWERS, WHOLE = np.arange(2.0 * SPLINE + 2.0)[:, None], np.arange(SPLINE + 1.0)
 FIRST = float((CORRELATION * (1.0 / (POWERS + 2.0) + WHOLE / (POWERS + 1.0))).sum()) * KNOTS**2 / VARIANCE  # ∫τR of ξ
 DAMPING = 0.5 / (1.0 - FIRST)  # R = e^(−aτ)(cos bτ + a/b sin bτ) has ∫R = 2a/(a² + b²) = 1 and ∫τR = 1 − 1/(2a)
@@ -96,7 +97,7 @@ class Options(Table):
     time_scale: Literal["diffusivity", "hanna", "dissipation"] = Field("diffusivity", description="T_L: (1 − ζ) ν_t/σ_w², 0.5 z/σ_w, or 2σ_w²/(C0 ε)")
     c0: float | None = Field(None, gt=0.0, le=100.0, description="C0 of time_scale = 'dissipation', dimensionless, 2 to 6; default 4")
     crossing: float = Field(1.0, ge=0.0, le=10.0, description="β of crossing trajectories, dimensionless; 0: grains keep their eddies")
-    damping: float = Field(VAN_DRIEST, ge=1.0, le=1e3, description="van Driest's height of the damping at the bed, in units of ν/u*")
+    damping: float = Field(VAN_DRIEST, ge=1.0, le=30.0, description="van Driest's height of the damping at the bed, in units of ν/u*")
     rough_damping: float = Field(0.1, ge=0.0, le=10.0, description="least height of the damping, in units of k_s")
 
     @model_validator(mode="after")
@@ -131,7 +132,7 @@ def profiles_of(options: Options, setting: Setting, z: Any) -> Profiles:
     along = INTENSITIES[0] * outer * gamma + INNER * s * (1.0 - gamma)
     across = INTENSITIES[1] * outer * -np.expm1(-s / ACROSS)
     eddy = INTENSITIES[2] * outer
-    correlation = np.clip((1.0 - height) * turbulent / (along * eddy * near), -0.95, 0.95)
+    correlation = (1.0 - height) * turbulent / (along * eddy * near)  # below 0.97 for all options allowed and any κ < 1
     if options.time_scale == "hanna":
         scale = 0.5 * z / eddy
     elif options.time_scale == "dissipation":
@@ -158,7 +159,7 @@ KEPT: list[Floats] = []  # the tables that addresses point to
 
 @cache
 def tabulated(options: tuple[Any, ...], setting: Setting) -> int:
-    """The address of the table of the profiles, made once: (cell, kind, power) in x from −1 to 1 across a cell, and the B-splines."""
+    """The address of the table of the profiles, made once: (cell, power, kind) in x from −1 to 1 across a cell, and the B-splines."""
     given = Options(**dict(options))
     edges = np.ldexp(1.0 + np.arange(CELLS) / CELLS, np.arange(*OCTAVES)[:, None]).ravel()
     widths = np.repeat(np.ldexp(1.0 / CELLS, np.arange(*OCTAVES)), CELLS)
@@ -168,7 +169,7 @@ def tabulated(options: tuple[Any, ...], setting: Setting) -> int:
     rate = found.time**-2
     kinds = np.stack([found.correlation * found.along, rest * found.along, found.across, found.up, rate, rate * (given.crossing / found.eddy) ** 2])
     series = np.linalg.solve(chebyshev.chebvander(nodes, DEGREE), kinds.reshape(-1, DEGREE + 1).T)
-    powers = monomials(series).T.reshape(KINDS, len(edges), DEGREE + 1).transpose(1, 0, 2)
+    powers = monomials(series).T.reshape(KINDS, len(edges), DEGREE + 1).transpose(1, 2, 0)
     KEPT.append(np.concatenate([powers.ravel(), pieces(SPLINE)[:, ::-1].ravel() / math.sqrt(VARIANCE)]))
     return KEPT[-1].ctypes.data
 
@@ -215,13 +216,13 @@ def horner(own: Any, base: int, x: float) -> tuple[float, float]:
     for k in range(SPLINE - 1, -1, -1):
         slope = slope * x + value
         value = value * x + own[base + k]
-    return value, slope / KNOTS
+    return value, slope * PER_KNOT
 
 
 @separate
 def eddy_at(e: Any, clock: float, own: Any) -> tuple[float, float, float, float, float, float]:
     """ξ_u, ξ_v, ξ_w at a reading of the clock, and their derivatives."""
-    place = clock / KNOTS
+    place = clock * PER_KNOT
     below = math.floor(place)
     index = whole(below)
     base = OWN + SLOT * (index & (SLOTS - 1))
@@ -252,11 +253,11 @@ class Local(NamedTuple):
 @shared
 def one_of(table: int, cell: int, kind: int, x: float) -> tuple[float, float]:
     """A profile and its derivative by x."""
-    place = cell + kind * (DEGREE + 1)
-    value, slope = load(table, place + DEGREE), 0.0
+    place = cell + kind
+    value, slope = load(table, place + KINDS * DEGREE), 0.0
     for k in range(DEGREE - 1, -1, -1):
         slope = slope * x + value
-        value = value * x + load(table, place + k)
+        value = value * x + load(table, place + KINDS * k)
     return value, slope
 
 
@@ -268,7 +269,7 @@ def local(e: Any, z: float) -> Local:
     place = (mantissa - 0.5) * (2 * CELLS)
     part = whole(place)
     cell = ((exponent - 1 - OCTAVES[0]) * CELLS + part) * CELL
-    x, scale = 2.0 * (place - part) - 1.0, math.ldexp(4.0 * CELLS, -exponent)
+    x, scale = 2.0 * (place - part) - 1.0, 4.0 * CELLS * (mantissa / high)
     tied, tied_slope = one_of(e.table, cell, 0, x)
     free, free_slope = one_of(e.table, cell, 1, x)
     across, across_slope = one_of(e.table, cell, 2, x)

@@ -83,14 +83,18 @@ def rise_of(model: Model, y: Any, own: Any) -> float:
 
 @shared
 def rise_at(model: Model, polynomial: Floats, y: Floats, kind: int, theta: float, own: Any) -> float:
-    """How fast a grain rises at θ of a step, V."""
+    """How fast a grain rises at θ of a step, V; in a turbulent stream of that sign only, from the polynomial of its height."""
     d = model.dimensions
-    w = at(polynomial, y, kind, theta, 2 * d - 1)
     if model.eddies is None:
-        return w
-    first = 2 * d + model.spins
-    z, clock, drift = at(polynomial, y, kind, theta, d - 1), at(polynomial, y, kind, theta, first), at(polynomial, y, kind, theta, first + 1)
-    return w + stream_at(model, z, clock, drift, own)[2]
+        return at(polynomial, y, kind, theta, 2 * d - 1)
+    x = 2.0 * (math.sqrt(theta) if kind == 1 else theta) - 1.0
+    rise: float = polynomial[1, d - 1]
+    older, newer, before, slope = 1.0, x, 0.0, 1.0
+    for k in range(2, len(polynomial)):
+        older, newer = newer, ((2 * k - 1) * x * newer - (k - 1) * older) / k
+        before, slope = slope, before + (2 * k - 1) * older  # P_k' = P_(k−2)' + (2k − 1) P_(k−1)
+        rise += polynomial[k, d - 1] * slope
+    return rise
 
 
 @shared

@@ -35,7 +35,6 @@ EASY = 1e7  # d/V: a sum that reaches farther makes the shortest step too long f
 BRIEF = 1e5  # d/V: the first sum where nothing jumps but at the start
 DEFAULT_FIRST = 0.02
 SAFETY = 10.0  # factor by which the local estimate of a regular step exceeds the error: measured, see tests/saltation/test_convergence.py
-SAFETY_AMONG_EDDIES = 30.0  # the same in a turbulent stream
 ATOL = 1.0  # of velocities and spins, in V and V/d
 PATIENCE = 50.0  # flights shorter than layout.SHORTEST_FLIGHT in a row that are rest
 SINGULAR_FACTOR = 20.0  # factor of a singular step's error: its estimate is no overestimate, as a regular step's is, and its error stays in the memory
@@ -43,6 +42,7 @@ QUICK = 10.0  # V: a large slip after a takeoff
 LAYER = 0.01  # d: the height over which the shear at the wall changes
 LEFT = 0.001  # d above a wall: from here on lubrication tells how long a grain that leaves it flies; at the asperities it tells how fast it leaves them
 FELT = 50.0  # a kernel's powers of time over the part of them that a singular step misses
+AMONG_EDDIES = 3.0  # what the first step after a jump and the iterations of the others leave is held to so much less: eddies keep it from fading
 NEVER = -math.inf  # count of refused steps: the stepper never takes the equation for one with unknown kinks
 NOTHING_LOGGED = np.zeros(1)
 PATIENCE_IN_STEPS = 62.5  # steps at least in the longest flight, as many as SPAN is in the usual one
@@ -88,27 +88,30 @@ def relaxation(scene: Scene) -> float:
 
 
 class Accuracy(NamedTuple):
-    """What `solver.rtol` comes to: stages, relative tolerance of a step, factor of a singular step's error, whether the kernel follows the slip."""
+    """What `solver.rtol` comes to: stages, relative tolerance of a step, factor of a singular step's error, whether the kernel follows the slip,
+    and what iterations may leave of a step's error.
+    """
 
     stages: int
     tolerance: float
     singular_factor: float
     follows: bool
+    settled: float
 
 
 def accuracy(scene: Any) -> Accuracy:
     """Of the steps of a scene."""
     rtol = scene.solver.rtol
     follows = scene.solver.method == "collocation" and "history" in scene.names and scene.options("history").kernel != "basset"
-    # eddies: local errors of either sign, measured as SAFETY was
-    safety = SAFETY_AMONG_EDDIES if "turbulence" in scene.names and scene.options("turbulence").amplitude > 0.0 else SAFETY
     # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
-    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(safety * rtol, 0.03), 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR, follows)
+    factor = 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR
+    strict = AMONG_EDDIES if "turbulence" in scene.names and scene.options("turbulence").amplitude > 0.0 else 1.0
+    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), strict * factor, follows, stepper.SETTLED / strict)
 
 
 def shortest(scene: Any) -> float:
     """The shortest step, d/V: by it the first one after a jump keeps the tolerance also where flights are short."""
-    n, time, (stages, tolerance, singular_factor, follows) = scene.numbers, relaxation(scene), accuracy(scene)
+    n, time, (stages, tolerance, singular_factor, follows, _) = scene.numbers, relaxation(scene), accuracy(scene)
     error = tolerance / singular_factor * min(1.0, max(loop.SHORTEST, 0.4 * time))
     step = time * min(0.1, error ** (2.0 / (stages + 1))) if time < math.inf else math.inf
     if follows:  # K/K_Basset is a series in (C^(2/3) t)^(3/(2 c1))
@@ -165,7 +168,7 @@ class Engine:
             assert numbers.stage is not None
             self.prescribed = prescribed_spin(numbers.stage)
         rtol = scene.solver.rtol
-        stages, tolerance, factor, follows = accuracy(scene)
+        stages, tolerance, factor, follows, settled = accuracy(scene)
         horizon = (first_horizon(scene) if horizon is None else horizon) if self.members else None
         end = scene.end
         span = SPAN
@@ -182,7 +185,8 @@ class Engine:
         strength = np.full(self.members, numbers.history)
         self.horizon = horizon if horizon is not None else math.inf
         self.following = self._following(self.horizon) if follows else STAYS
-        self.problem = stepper.Problem(end, span, span, self.tables.floor, tolerance, ATOL * tolerance, 10**12, where, strength, singular_factor=factor)
+        least, rest = self.tables.floor, {"singular_factor": factor, "settled": settled}
+        self.problem = stepper.Problem(end, span, span, least, tolerance, ATOL * tolerance, 10**12, where, strength, **rest)
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
         self.truncation = stepper.Truncation(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
@@ -342,7 +346,7 @@ class Engine:
     ) -> tuple[loop.Steps, Any]:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
-        equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d)
+        equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d, turbulence.STATES if self.eddies is not None else 0)
         work = stepper.workspace(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.truncation, work))
         whole = placed(loop.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))

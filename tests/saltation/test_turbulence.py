@@ -13,9 +13,9 @@ from basset._compile import placed
 from saltation.effects import turbulence
 from saltation.effects.base import Setting
 from saltation.effects.turbulence import BEGINS, OWN, SLOT, SLOTS, Eddies, Options, fluctuation, motion, profiles_of
-from saltation.flight import equations
+from saltation.flight import equations, layout
 from saltation.flight.layout import Model
-from saltation.flight.setup import Engine
+from saltation.flight.setup import Engine, Grain, empty_record
 from saltation.flow import Still, tabulated
 from saltation.grain import numbers_of
 
@@ -28,6 +28,20 @@ DNS = np.array([
     [149.985, 0.91518, 0.63671, 0.66910, 0.18022], [168.073, 0.82536, 0.61398, 0.62363, 0.09009],
 ])  # fmt: skip
 TURBULENT = {"effects": ["weight", "drag", "turbulence"], "channel": {"depth": 0.069}, "history": None, "run": {"jumps": 2, "discard": 0}}
+
+
+RTOLS = {"sand": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "gravel": (1e-3, 1e-4, 1e-5)}
+
+
+def first_jumps(name, rtol):
+    """Rise, length and duration of the first jump of 200 grains, with all effects, in water 100 d deep."""
+    depth = 100.0 * scene(name).grain.diameter
+    made = scene(name, channel={"depth": depth}, solver={"rtol": rtol}, run={"jumps": 1, "discard": 0, "trajectory": False})
+    engine = Engine(made.changed(effects=[*made.names, "turbulence"]))
+    record, jumps = empty_record(1, engine.tables.count, engine.states), np.zeros((200, len(layout.COLUMNS)))
+    for i in range(len(jumps)):
+        assert Grain(engine, i).fly(record, False, jumps[i : i + 1])[0] == layout.JUMPS
+    return jumps[:, [layout.COLUMNS.index(column) for column in ("rise", "length", "duration")]]
 
 
 def own_of(grain=0):
@@ -70,6 +84,19 @@ class TestStatistics:
         assert dissipation == pytest.approx(2.0 * (1.27 * np.exp(-z / 1e4)) ** 2 / (5.0 * epsilon), rel=1e-3)
         for law in ("diffusivity", "hanna", "dissipation"):
             assert profiles_of(Options(time_scale=law), SETTING, np.array([1e-6])).time == pytest.approx(1.0, rel=1e-3)  # 10 ν/u*²
+
+    @pytest.mark.parametrize("kappa, most", [(0.41, 0.6), (0.999, 0.97)])
+    def test_no_shear_stress_beyond_what_the_intensities_allow(self, kappa, most):
+        """|r| stays below 1, over smooth beds and rough ones, from the bed to above the surface, for all options that a scene may have."""
+        for reynolds in 10.0 ** np.arange(-1.0, 6.0):
+            numbers = numbers_of(1000.0, 1e-6, 2650.0, 1e-3, shear_velocity=1e-3 * reynolds)
+            for depth in (5.0, 10.0, 100.0, 1e4):
+                for roughness in (0.01, 1.0, 100.0):
+                    setting = Setting(numbers, None, depth, roughness, kappa)
+                    z = np.geomspace(turbulence.LOWEST, 2.0 * depth, 100)
+                    for damping, rough_damping in ((1.0, 0.0), (26.0, 0.1), (30.0, 0.0), (30.0, 0.1), (30.0, 10.0)):
+                        r = profiles_of(Options(damping=damping, rough_damping=rough_damping), setting, z).correlation
+                        assert np.abs(r).max() < most
 
     def test_the_table_is_the_profiles(self):
         z = np.array([0.011, 0.3, 1.7, 6.0, 17.0])
@@ -174,6 +201,14 @@ class TestFlights:
         none = none.changed(effects=[*none.names, "turbulence"], turbulence={"amplitude": 0.0})
         assert flown(plain).jumps.equals(flown(none).jumps)
 
+    @pytest.mark.parametrize("name", ["sand", "gravel"])
+    def test_the_promise_of_rtol(self, name):
+        """No first jump of 200 grains, each in its own eddies, is off by more."""
+        exact = first_jumps(name, 1e-9)
+        for rtol in RTOLS[name]:
+            error = np.abs(first_jumps(name, rtol) - exact) / np.maximum(exact, exact.mean(axis=0))
+            assert 0.02 * rtol < error.max() <= rtol, rtol
+
     def test_the_same_stream_at_every_tolerance(self):
         """The first two jumps converge to those of the same eddies, within a few times the tolerance; the path holds what was seen."""
         results = {rtol: flown(scene("sand", **TURBULENT, solver={"rtol": rtol})) for rtol in (1e-3, 1e-5, 1e-7, 1e-9)}
@@ -195,6 +230,7 @@ class TestFlights:
             ({"channel": {"depth": 1e-3}}, ("channel.depth must be", "5 d")),
             ({"channel": None}, ("[channel]",)),
             ({"turbulence": {"c0": 3.0}}, ("turbulence.c0", "dissipation")),
+            ({"turbulence": {"damping": 100.0}}, ("turbulence.damping", "30")),
             ({"turbulence": {"amplitude": -1.0}}, ("turbulence.amplitude", "0 or greater")),
             ({"solver": {"method": "fixed_step", "dt": 1e-3}}, ("'turbulence'", "collocation")),
         ):
