@@ -105,8 +105,11 @@ def accuracy(scene: Any) -> Accuracy:
     follows = scene.solver.method == "collocation" and "history" in scene.names and scene.options("history").kernel != "basset"
     # after a jump the solution with a kernel that follows the slip has powers of √t that the step's polynomial has not
     factor = 4.0 * SINGULAR_FACTOR if follows else SINGULAR_FACTOR
-    strict = AMONG_EDDIES if "turbulence" in scene.names and scene.options("turbulence").amplitude > 0.0 else 1.0
-    return Accuracy(max(4, round(-1.1 * math.log10(rtol) - 0.5)), min(SAFETY * rtol, 0.03), strict * factor, follows, stepper.SETTLED / strict)
+    eddies = "turbulence" in scene.names and scene.options("turbulence").amplitude > 0.0
+    stages, strict = max(4, round(-1.1 * math.log10(rtol) - 0.5)), AMONG_EDDIES if eddies else 1.0
+    # estimates of steps of higher order than the splines of the eddies are too small across their knots
+    safety = SAFETY / strict if stages > turbulence.SPLINE + 1 else SAFETY
+    return Accuracy(stages, min(safety * rtol, 0.03), strict * factor, follows, stepper.SETTLED / strict)
 
 
 def shortest(scene: Any) -> float:
