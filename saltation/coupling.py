@@ -1,8 +1,13 @@
 """Stream and grains until they agree: grains fly, the stress that they carry changes the profile, they fly in that one with the same random numbers.
 
 τ_p(z) = (ρ_s/ρ)(π/6) n Σ(u_down − u_up)/t over the passages through height z, n grains per d²: what the stream gives to the grains above z.
-It is summed as the momentum that grains gain between two kept places, shared over the heights between them: the same where u is straight in z.
-Owen (1964), J. Fluid Mech. 20, 225; Wiberg & Smith (1985), J. Geophys. Res. 90(C4), 7341; the form as in the project's notes.
+It is summed as the momentum that grains gain between two kept places, shared over the heights between them: the same where u is straight in z;
+a grain that rested has its first velocity from the stream too. Owen (1964), J. Fluid Mech. 20, 225; Wiberg & Smith (1985), J. Geophys. Res. 90(C4), 7341;
+the form as in the project's notes.
+
+Among eddies another profile is another path, so that runs differ by chance however near their profiles are. Where the change has risen twice, each run has
+random numbers of its own, and the profile is that of the sums over all of them: steps 1/k (Robbins & Monro 1951, Ann. Math. Stat. 22, 400) to the stress
+that runs of any number would come to, known to its standard error by the jackknife (Tukey 1958), ∝ 1/√k.
 """
 
 from __future__ import annotations
@@ -20,9 +25,10 @@ from saltation.results.result import Result
 from saltation.scene import Scene
 
 LEVELS = 64  # heights
-HIGHER = 2.0  # the highest over the highest that a grain has been at
-MOST = 40  # runs
+HIGHER = 2.0  # the highest over the highest that a grain has been at, in deep water
 DAMPING = 0.7  # of the change of the stress from run to run
+RISES = 2  # of the change from run to run, that are chance: one may be a grain that rests where it did not before
+FEWEST = 8  # runs that say how far chance moves them
 
 
 class Pieces(NamedTuple):
@@ -32,6 +38,10 @@ class Pieces(NamedTuple):
     high: Floats
     gained: Floats
     lasting: Floats
+
+    def joined(self, other: Pieces) -> Pieces:
+        """These and others."""
+        return Pieces(*map(np.concatenate, zip(self, other, strict=True)))
 
     def above(self, heights: Floats, amounts: Floats) -> Floats:
         """Sum of the amounts that fall above each height, those of a piece spread evenly over its heights."""
@@ -59,8 +69,17 @@ def pieces_of(result: Result) -> Pieces:
     flown = np.zeros(len(time) - 1, dtype=bool)
     flown[first[0] : last[-1]] = True
     flown[first[first > 0] - 1] = False  # from an impact to the takeoff after it
-    low, high = np.minimum(z[1:], z[:-1])[flown], np.maximum(z[1:], z[:-1])[flown]
-    return Pieces(low, high, np.diff(u)[flown], np.diff(time)[flown])
+    found = Pieces(np.minimum(z[1:], z[:-1])[flown], np.maximum(z[1:], z[:-1])[flown], np.diff(u)[flown], np.diff(time)[flown])
+    return found.joined(set_out(result, starts[:1], np.array([math.inf])))
+
+
+def set_out(result: Result, since: Floats, until: Floats) -> Pieces:
+    """What grains have at once when they are picked up from a rest, between two times of each grain: only the stream can have given it."""
+    rows = result.all_jumps[result.rested]
+    own, start = rows["grain"].to_numpy(), rows["start"].to_numpy()
+    rows = rows[(start >= since[own]) & (start < until[own])]
+    level = (rows["height_above_bed"] - rows["height"]).to_numpy()
+    return Pieces(level, level, rows["takeoff_x"].to_numpy(), np.zeros(len(rows)))
 
 
 def pieces_of_many(result: Result) -> Pieces:
@@ -91,25 +110,17 @@ def pieces_of_many(result: Result) -> Pieces:
     inside = (time >= since[grain.astype(int)]) & (time <= until[grain.astype(int)])
     flown = (np.diff(grain) == 0) & inside[1:] & inside[:-1] & (kind[1:] != 2.0) & (kind[:-1] != 1.0)
     flown &= (np.diff(z) != 0.0) | (np.diff(u) != 0.0)  # a grain at rest
-    return Pieces(np.minimum(z[1:], z[:-1])[flown], np.maximum(z[1:], z[:-1])[flown], np.diff(u)[flown], np.diff(time)[flown])
+    found = Pieces(np.minimum(z[1:], z[:-1])[flown], np.maximum(z[1:], z[:-1])[flown], np.diff(u)[flown], np.diff(time)[flown])
+    return found.joined(set_out(result, since, until))
 
 
-def momentum(result: Result, heights: Floats) -> Floats:
-    """u* per d/u* that a grain takes from the stream above each height (d): its gain, less what its weight gives on a slope."""
-    pieces, numbers = pieces_of(result), result.scene.numbers
-    flown = pieces.lasting.sum()
-    downhill = numbers.alpha * math.sin(numbers.slope) / numbers.shields if "weight" in result.scene.names else 0.0
-    gained = pieces.above(heights, pieces.gained)
-    if downhill:
-        gained = gained - downhill * pieces.above(heights, pieces.lasting)
-    found: Floats = gained / flown
-    return found
-
-
-def levels(result: Result) -> Floats:
-    """Heights, d: from the lowest to `HIGHER` times the highest of a grain, evenly in their logarithm."""
-    pieces = pieces_of(result)
-    return np.geomspace(pieces.low.min(), HIGHER * pieces.high.max(), LEVELS)
+def sums_of(result: Result, pieces: Pieces, heights: Floats) -> Floats:
+    """What runs add up to: u* that grains take above each height (d), their gain less what their weight gives on a slope; time; moving, length, duration."""
+    numbers, jumps = result.scene.numbers, result.jumps
+    gained, flown = pieces.above(heights, pieces.gained), pieces.lasting.sum()
+    if numbers.slope and "weight" in result.scene.names:
+        gained = gained - math.sin(numbers.slope) / (numbers.density_ratio * numbers.shields) * pieces.above(heights, pieces.lasting)
+    return np.array([*gained, flown, moving(result) * flown, jumps["length"].sum(), jumps["duration"].sum()])
 
 
 def moving(result: Result) -> float:
@@ -133,57 +144,89 @@ def number_of(scene: Scene, taken: float, flying: float) -> float:
     return stress / (numbers.density_ratio * math.pi / 6.0 * taken) if taken > 0.0 else math.inf
 
 
-def rate_of(result: Result, grains: float) -> float:
-    """Bed load q/√((s − 1) g d³) of so many moving grains per d²."""
-    jumps = result.jumps
-    speed = float(jumps["length"].sum() / jumps["duration"].sum())
-    return grains * math.pi / 6.0 * speed * math.sqrt(abs(result.scene.numbers.shields))
+def carried(scene: Scene, sums: Floats) -> tuple[Floats, float, float]:
+    """Of the sums of runs: stress at each height (ρu*²), moving grains per d², their bed load q/√((s − 1) g d³)."""
+    *_, flown, flying, length, duration = sums.tolist()
+    taken, numbers = sums[:-4] / flown, scene.numbers
+    grains = number_of(scene, float(taken[0]), flying / flown)
+    with np.errstate(invalid="ignore"):
+        stress = numbers.density_ratio * math.pi / 6.0 * grains * taken
+    return stress, grains, grains * math.pi / 6.0 * length / duration * math.sqrt(abs(numbers.shields))
+
+
+def standard_error(scene: Scene, runs: Floats) -> Floats:
+    """Of the stress at each height of the sums of several runs (run, sum), by the jackknife."""
+    without = np.array([carried(scene, runs.sum(axis=0) - one)[0] for one in runs])
+    found: Floats = math.sqrt(len(runs) - 1.0) * without.std(axis=0)
+    return found
+
+
+def another(seed: int, k: int) -> int:
+    """The seed of a run whose chance is independent of that of others."""
+    return int(np.random.SeedSequence([seed, k]).generate_state(1, np.uint64)[0] >> 1)
 
 
 def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result], progress: Callable[[float], None] | None) -> Result:
     """Fly and change the profile until both agree within coupling.tolerance; the last run, its scene with what was agreed on.
 
-    A run that does not finish is returned as it is; one whose stream and grains do not agree after `MOST` runs is "unsettled".
+    A run that does not finish is returned as it is; one whose stream and grains do not agree after `coupling.runs` runs is "unsettled".
     """
-    coupling, known = scene.coupling, key_of(scene)
+    coupling, known, depth = scene.coupling, key_of(scene), scene._setting(scene.clear).depth
     assert coupling is not None
     seeing = scene.changed(run={"trajectory": True})
     heights: Floats = np.zeros(0)
-    used, rate_uncoupled = heights, 0.0
-    for k in range(MOST):
+    used, change, rate_uncoupled, rises = heights, math.inf, 0.0, 0
+    chance, runs = False, np.zeros((0, LEVELS + 4))  # whether chance moves the runs, and what each has added up to since then
+    for k in range(coupling.runs + 1):
+        agreed = change <= coupling.tolerance or k == coupling.runs
+        if agreed and not chance:
+            break
 
         def report(share: float, k: int = k) -> None:
             if progress is not None:
-                progress(1.0 - 0.5 ** (k + share))
+                progress((k + share) / (k + share + 4.0))
 
         settled = None
         if k:
             settled = {"of": known, "heights": heights.tolist(), "stress": used.tolist(), "seen": used.tolist(), "grains": 0.0}
             settled |= {"rate": 0.0, "rate_uncoupled": 0.0, "runs": k, "change": 0.0}
-        result = fly(seeing.changed(coupling={"settled": settled}), report)
+        seed = another(scene.run.seed, k) if chance and not agreed else scene.run.seed
+        result = fly(seeing.changed(coupling={"settled": settled}, run={"seed": seed}), report)
         path = result.path if scene.run.trajectory else None
         if result.status != "finished" or not len(result.jumps):
             return dataclasses.replace(result, scene=scene, path=path)
-        if not k:
-            heights = levels(result)
-            used = np.zeros(len(heights))
-        taken = momentum(result, heights)
-        grains = number_of(scene, float(taken[0]), moving(result))
-        if not math.isfinite(grains):
-            why = "coupling: the grains take no momentum from the stream, which sets their number: give coupling.grains"
-            return dataclasses.replace(result, scene=scene, path=path, status="unsettled", message=why)
-        seen = scene.numbers.density_ratio * math.pi / 6.0 * grains * taken
-        change = float(np.abs(seen - used).max())
-        rate = rate_of(result, grains)
-        if not k:
-            rate_uncoupled = rate
-        if change <= coupling.tolerance:
+        if agreed:
             break
-        if k + 1 < MOST:
-            used = used + (DAMPING if k else 1.0) * (seen - used)
-            used[-1] = 0.0
-    told: dict[str, Any] = {"of": known, "heights": heights.tolist(), "stress": used.tolist(), "seen": seen.tolist(), "runs": k + 1, "change": change}
-    told |= {"grains": grains / scene.numbers.diameter**2, "rate": rate, "rate_uncoupled": rate_uncoupled}
+        pieces = pieces_of(result)
+        highest = float(pieces.high.max())
+        if not k:
+            heights = np.geomspace(pieces.low.min(), min(HIGHER * highest, math.sqrt(highest * depth)), LEVELS)  # below the surface
+            used = np.zeros(LEVELS)
+        sums = sums_of(result, pieces, heights)
+        if chance:
+            runs = np.concatenate([runs, sums[None]])
+        seen, grains, rate = carried(scene, runs.sum(axis=0) if chance else sums)
+        why = ""
+        if highest >= depth:
+            why = f"grains reach z = {highest:.4g} d, and the stream ends at its depth, {depth:.4g} d: give a greater channel.depth"
+        elif not math.isfinite(grains):
+            why = "the grains take no momentum from the stream, which sets their number: give coupling.grains"
+        if why:
+            return dataclasses.replace(result, scene=scene, path=path, status="unsettled", message=f"coupling: {why}")
+        rate_uncoupled = rate_uncoupled if k else rate
+        if chance:
+            used = seen.copy()
+            if len(runs) >= FEWEST:
+                change = 2.0 * float(standard_error(scene, runs).max())
+        else:
+            before, change = change, float(np.abs(seen - used).max())
+            rises += change >= before
+            chance = rises == RISES and change > coupling.tolerance
+            if change > coupling.tolerance and k + 1 < coupling.runs:
+                used = used + (DAMPING if k else 1.0) * (seen - used)
+        used[-1] = 0.0
+    told: dict[str, Any] = {"of": known, "heights": heights.tolist(), "stress": used.tolist(), "seen": seen.tolist(), "runs": k + chance, "averaged": len(runs)}
+    told |= {"change": change, "grains": grains / scene.numbers.diameter**2, "rate": rate, "rate_uncoupled": rate_uncoupled}
     if progress is not None:
         progress(1.0)
     return dataclasses.replace(result, scene=scene.changed(coupling={"settled": told}), path=path)

@@ -128,13 +128,19 @@ class Laden(Profile):
     """A profile that grains have taken the stress τ_p(z) from: at each height its shear times r, s r + (1 − s) r|r| = 1 − τ_p/(1 − z/h).
 
     s is the share of the stress that viscosity carries, the rest keeps its mixing length: √|τ_f|/(κz) for the logarithm. Without τ_p the profile itself.
+    ValueError for heights above the surface, where no stress is left to share.
     Prandtl (1925), Z. Angew. Math. Mech. 5, 136; Owen (1964), J. Fluid Mech. 20, 225 (as in the project's notes).
     """
 
     base: Profile
     heights: tuple[float, ...]  # d, rising
-    stress: tuple[float, ...]  # τ_p there, ρu*²; below the first as at the first, above the last none
+    stress: tuple[float, ...]  # τ_p there, ρu*²; below the first the same share of 1 − z/h, above the last none
     depth: float = math.inf  # h, d
+
+    def __post_init__(self) -> None:
+        """Grains take no stress from where there is no water."""
+        if self.heights[-1] >= self.depth:
+            raise ValueError(f"heights must end below the surface, {self.depth:g} d, got {self.heights[-1]:g} d")
 
     @property
     def floor(self) -> float:  # type: ignore[override]
@@ -145,9 +151,9 @@ class Laden(Profile):
         """The fluid's share of the stress at heights, (1 − z/h − τ_p)/(1 − z/h)."""
         from scipy.interpolate import PchipInterpolator
 
-        x = np.log(np.maximum(z, self.heights[0]))
-        carried = PchipInterpolator(np.log(self.heights), self.stress)(np.minimum(x, math.log(self.heights[-1])))
-        found: Floats = 1.0 - np.where(z < self.heights[-1], carried, 0.0) / np.maximum(1.0 - z / self.depth, 0.01)
+        shares = np.array(self.stress) / (1.0 - np.array(self.heights) / self.depth)
+        taken = PchipInterpolator(np.log(self.heights), shares)(np.log(np.clip(z, self.heights[0], self.heights[-1])))
+        found: Floats = 1.0 - np.where(z < self.heights[-1], taken, 0.0)
         return found
 
     @cached_property

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
 from basset import __version__
 from basset.kernels import Floats
@@ -93,7 +94,11 @@ class Result:
         if coupling is not None and (made := coupling.settled) is not None and self.status == "finished" and made.change > coupling.tolerance:
             self.status = "unsettled"
             told = f"after {made.runs} runs the stresses of stream and grains miss their sum by {made.change:.2g} ρu*², more than {coupling.tolerance:g}"
-            self.message = f"coupling: {told}: take more jumps, or a greater coupling.tolerance"
+            remedy = "more jumps"
+            if made.averaged:
+                told += f", two standard errors of the mean over {made.averaged}"
+                remedy += f", coupling.runs = {made.runs + math.ceil(made.averaged * ((made.change / coupling.tolerance) ** 2 - 1.0))}"
+            self.message = f"coupling: {told}: take {remedy}, or a greater coupling.tolerance"
 
     @property
     def jumps(self) -> pd.DataFrame:
@@ -104,13 +109,20 @@ class Result:
         return counted_jumps(self.all_jumps, self.all_jumps.groupby("grain").cumcount(), self.scene.run.discard)
 
     @property
+    def rested(self) -> NDArray[np.bool_]:
+        """Which of `all_jumps` set out from a rest."""
+        grain, start = self.all_jumps["grain"].to_numpy(), self.all_jumps["start"].to_numpy()
+        ends = start + self.all_jumps["duration"].to_numpy()
+        lay = (grain[1:] == grain[:-1]) & (start[1:] - ends[:-1] > 1e-9 * (1.0 + ends[:-1]))
+        return np.append(False, lay)[: len(start)]
+
+    @property
     def rests(self) -> pd.DataFrame:
         """The rests of a scene with [rests] that ended within the run, one row each: grain, start and duration (d/u*)."""
         jumps = self.all_jumps
-        ends = (jumps["start"] + jumps["duration"]).to_numpy()[:-1]
-        lasted = jumps["start"].to_numpy()[1:] - ends
-        lay = (jumps["grain"].to_numpy()[1:] == jumps["grain"].to_numpy()[:-1]) & (lasted > 1e-9 * (1.0 + ends))
-        return pd.DataFrame({"grain": jumps["grain"].to_numpy()[:-1][lay], "start": ends[lay], "duration": lasted[lay]})
+        after = np.flatnonzero(self.rested)
+        ends = (jumps["start"] + jumps["duration"]).to_numpy()[after - 1]
+        return pd.DataFrame({"grain": jumps["grain"].to_numpy()[after], "start": ends, "duration": jumps["start"].to_numpy()[after] - ends})
 
     def resting(self) -> float:
         """How many grains lie at rest per moving one: the time of rests over that of jumps, of many grains from the kept places.

@@ -387,6 +387,8 @@ class SceneBase(Table):
         try:
             self.profile  # noqa: B018
         except ValueError as error:
+            if coupling.form == "two_way":
+                raise ValueError(f"coupling.settled: {error}") from None
             known = ", ".join(name for name in PROFILES if name not in ("none", "reichardt"))
             raise ValueError(f"coupling = 'roughness' needs a profile that can be rougher, one of {known}: of {self.channel.profile!r} {error}") from None
         if coupling.form == "two_way":

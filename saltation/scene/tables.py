@@ -207,7 +207,8 @@ class Settled(Table):
     rate: float = Field(description="bed load q/√((s − 1) g d³), dimensionless")
     rate_uncoupled: float = Field(description="the same of grains in the profile without grains, dimensionless")
     runs: int = Field(description="how often the grains were flown")
-    change: float = Field(description="largest difference between stress and seen, in units of ρu*²")
+    averaged: int = Field(0, description="of them with random numbers of their own, whose mean is seen: where chance moves the stress more than the tolerance")
+    change: float = Field(description="largest difference between stress and seen or, where runs are averaged, two standard errors of seen, in units of ρu*²")
 
 
 class Coupling(Table):
@@ -221,12 +222,13 @@ class Coupling(Table):
     )
     grains: float | None = Field(None, ge=0.0, description="moving ones per area, 1/m2, for a single grain; default what the stress at the bed says")
     tolerance: float = Field(1e-3, ge=1e-6, le=0.1, description="of the stresses' sum at every height, in units of ρu*²")
+    runs: int = Field(40, ge=2, le=100_000, description="at most, until stresses agree; chance falls with their root")
     settled: Settled | None = Field(None, description="what was agreed on: written with a result, not given")
 
     @model_validator(mode="after")
     def _one_number(self) -> Coupling:
         if self.form == "roughness":
-            given = [name for name in ("excess", "grains", "tolerance", "settled") if getattr(self, name) != type(self).model_fields[name].default]
+            given = [name for name in ("excess", "grains", "tolerance", "runs", "settled") if getattr(self, name) != type(self).model_fields[name].default]
             if given:
                 raise ValueError(f"{given[0]} belongs to form = 'two_way', got form = 'roughness': leave it out")
         if self.grains is not None and self.excess:

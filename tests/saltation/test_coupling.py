@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
 
@@ -27,10 +28,10 @@ def settled():
 
 
 def taken_by_forces(result, heights):
-    """∫ of the forces along the stream on a grain above each height, per time; history has a singularity 1/√t at a takeoff."""
+    """∫ of the forces along the stream on a grain above each height, with what picks it up, per time; history has a singularity 1/√t at a takeoff."""
     path, jumps = result.trajectory, result.jumps
     time, z = path["time"].to_numpy(), path["z"].to_numpy()
-    along = sum(path[name].to_numpy() for name in path.data_vars if str(name).endswith("_x") and not str(name).startswith("spin"))
+    along = sum(path[name].to_numpy() for name in path.data_vars if str(name).endswith("_x") and not str(name).startswith(("spin", "eddy")))
     total = np.zeros(len(heights))
     for start, duration in zip(jumps["start"], jumps["duration"], strict=True):
         first, last = np.searchsorted(time, [start, (start + duration) * (1.0 + 1e-14)], side="right") - 1
@@ -41,6 +42,9 @@ def taken_by_forces(result, heights):
         for k, level in enumerate(heights):
             ends = np.unique(np.clip(np.concatenate([[root[0]], height.solve(level, extrapolate=False), [root[-1]]]), root[0], root[-1]))
             total[k] += sum(done(b) - done(a) for a, b in itertools.pairwise(ends) if height(0.5 * (a + b)) > level)
+    rested = result.all_jumps["start"] - (result.all_jumps["start"] + result.all_jumps["duration"]).shift() > 1e-6
+    for _, row in result.all_jumps[rested & (result.all_jumps["start"] >= jumps["start"].iloc[0])].iterrows():
+        total += row["takeoff_x"] * (row["height_above_bed"] - row["height"] > heights)
     return total / jumps["duration"].sum()
 
 
@@ -54,9 +58,66 @@ def test_what_the_forces_on_grains_take_is_what_the_stream_lacks_at_every_height
     stream = viscous * ratio + (1.0 - viscous) * ratio * np.abs(ratio)
     assert np.abs(stream + grains - 1.0).max() < 1e-3
     assert np.isclose(stream[0], 1.0 / numbers.stage, atol=1e-3)  # Owen's condition
-    jumps = settled.jumps  # at the bed they leave it: impulses of the contacts, but for the first and the last velocity
-    left = -jumps["impulse_x"].sum() / jumps["duration"].sum() - coupling.momentum(settled, heights[:1])[0]
+    jumps, pieces = settled.jumps, coupling.pieces_of(settled)  # at the bed they leave it: impulses of the contacts, but for the first and the last velocity
+    left = -jumps["impulse_x"].sum() / jumps["duration"].sum() - coupling.sums_of(settled, pieces, heights[:1])[0] / pieces.lasting.sum()
     assert abs(left) * jumps["duration"].sum() < 2.0 * jumps["impact_x"].max()
+
+
+@pytest.fixture(scope="module")
+def among_eddies():
+    """A scene whose runs chance moves, what it settles to, and the runs on the way."""
+    effects = [*scene("sand").effects, "turbulence"]
+    changes = {"effects": effects, "channel": {"depth": 0.1, "transport_stage": 2.0}, "rests": {"entrainment": 5.0}, "run": {"trajectory": False}}
+    made = coupled(jumps=110, coupling={"tolerance": 1e-2, "runs": 150}, **changes)
+    runs = []
+
+    def fly(scene, report):
+        runs.append(simulation.run_uncoupled(scene, report))
+        return runs[-1]
+
+    return coupling.settle(made, fly, None), runs
+
+
+def test_chance_among_eddies_is_averaged_to_what_a_far_longer_run_comes_to(among_eddies):
+    result, runs = among_eddies
+    made = result.scene.coupling.settled
+    assert result.status == "finished" and made.change <= 1e-2
+    assert 8 <= made.averaged < made.runs == len(runs) < 150
+    seeds = [run.scene.run.seed for run in runs]
+    assert len(set(seeds[-1 - made.averaged :])) == made.averaged + 1 and seeds[-1] == result.scene.run.seed
+    long = simulation.run_uncoupled(result.scene.changed(run={"jumps": 4010, "seed": 99, "trajectory": True}, coupling={"settled": made.model_dump()}), None)
+    stress, _, rate = coupling.carried(long.scene, coupling.sums_of(long, coupling.pieces_of(long), np.array(made.heights)))
+    assert np.abs(stress - made.stress).max() < 1.5 * made.change  # two standard errors of the mean, and one more for the long run and all heights
+    assert np.isclose(rate, made.rate, rtol=0.1)
+
+
+def test_momentum_closes_at_every_height_among_eddies(among_eddies):
+    """What the stream's profile lacks is what the sums of all averaged runs say, and these are what the forces on the grains take: of some runs."""
+    result, runs = among_eddies
+    made, numbers = result.scene.coupling.settled, result.scene.numbers
+    heights = np.array(made.heights)
+    clear = np.array([result.scene.clear.extended(z)[1] for z in heights])
+    ratio = np.array([result.scene.profile.extended(z)[1] for z in heights]) / clear
+    viscous, total = np.minimum(1.0, clear / result.scene.clear.reynolds), 1.0 - heights * numbers.diameter / 0.1
+    stream = (viscous * ratio + (1.0 - viscous) * ratio * np.abs(ratio)) * total
+    averaged = runs[-1 - made.averaged : -1]
+    sums = np.array([coupling.sums_of(run, coupling.pieces_of(run), heights) for run in averaged])
+    assert np.abs(stream + coupling.carried(result.scene, sums.sum(axis=0))[0] - total).max() < 1e-3
+    some, few = averaged[:5], slice(None, None, 5)
+    forces = np.average([taken_by_forces(run, heights[few]) for run in some], axis=0, weights=[run.jumps["duration"].sum() for run in some])
+    taken = sums[:5].sum(axis=0)
+    grains = numbers.density_ratio * math.pi / 6.0 * made.grains * numbers.diameter**2
+    assert np.abs(grains * (forces - taken[:-4][few] / taken[-4])).max() < 1e-3
+
+
+def test_a_run_that_chance_moves_too_much_says_how_many_would_do(among_eddies):
+    short = among_eddies[0].scene.changed(coupling={"runs": 30, "tolerance": 1e-3})
+    result = saltation.run(short)
+    made = result.scene.coupling.settled
+    assert result.status == "unsettled" and made.runs == 31
+    found = re.search(r"two standard errors of the mean over (\d+): take more jumps, coupling.runs = (\d+), or", result.message)
+    averaged, needed = map(int, found.groups())
+    assert averaged == made.averaged and np.isclose((needed - made.runs + averaged) / averaged, (made.change / 1e-3) ** 2, rtol=0.01)
 
 
 def test_the_result_says_what_the_stream_has_become(settled, tmp_path):
@@ -101,8 +162,7 @@ def test_heights_and_runs_do_not_matter_once_they_are_enough():
 
 
 def test_stream_and_grains_that_do_not_agree_are_told():
-    with mock.patch.object(coupling, "MOST", 2):
-        out = CliRunner().invoke(cli.main, ["run", "sand", "--set", "coupling=two_way", "--set", "run.jumps=30", "--set", "run.discard=0"])
+    out = CliRunner().invoke(cli.main, ["run", "sand", *(f"--set={word}" for word in ("coupling.runs=2", "run.jumps=30", "run.discard=0"))])
     assert out.exit_code == 1
     assert out.stdout.startswith("unsettled: coupling: after 2 runs") and "take more jumps" in out.stdout
 
@@ -131,8 +191,43 @@ def test_profiles_of_a_stream_whose_grains_carry_the_same_at_all_heights():
                 assert np.isclose(viscous * ratio + (1.0 - viscous) * ratio**2, 0.25, rtol=1e-5)
                 h = 1e-5 * z
                 assert np.isclose((made.extended(z + h)[0] - made.extended(z - h)[0]) / (2.0 * h), made.extended(z)[1], rtol=1e-5)
-        deep, shallow = (Laden(clear, tuple(heights), tuple(stress), depth).extended(0.5)[1] for depth in (1e9, 10.0))
+        deep, shallow = (Laden(clear, tuple(heights), tuple(stress), depth).extended(0.5)[1] for depth in (1e9, 101.0))
         assert shallow < deep
+
+
+def test_the_share_that_grains_carry_is_exact_up_to_the_surface():
+    """τ_p = ½ (1 − z/h)(1 − z/top) leaves ½ (1 + z/top) of the stress to the stream, whose mixing length makes the square root of that of its shear."""
+    clear, depth = scene("sand", channel={"profile": "constant_b"}).clear, 20.0
+    top = 0.9995 * depth
+    heights = np.geomspace(0.05, top, 200)
+    stress = 0.5 * (1.0 - heights / depth) * (1.0 - heights / top)
+    made = Laden(clear, tuple(heights), tuple(stress), depth)
+    z = depth * np.array([0.5, 0.9, 0.99, 0.998])
+    assert np.allclose(made.left(z), 0.5 * (1.0 + z / top), rtol=1e-5)
+    assert np.allclose([made.extended(height)[1] / clear.extended(height)[1] for height in z], np.sqrt(0.5 * (1.0 + z / top)), rtol=1e-4)
+    assert (made.left(np.array([0.9995, 1.0, 2.0]) * depth) == 1.0).all()
+    with pytest.raises(ValueError, match=r"heights must end below the surface, 19 d, got 19.99 d"):
+        Laden(clear, tuple(heights), tuple(stress), 19.0)
+    result = saltation.run(coupled(jumps=30, channel={"transport_stage": 2.5, "depth": 1e-3}))
+    assert result.status == "unsettled" and "and the stream ends at its depth, 1.449 d: give a greater channel.depth" in result.message
+
+
+def test_on_a_slope_the_fluid_around_a_grain_takes_momentum_from_its_weight():
+    """Without drag the fluid feels the added mass alone: −(C_m/s) du/dt of a grain that its weight accelerates."""
+    made = scene("sand", effects=["weight", "added_mass"], channel={"profile": "none", "slope": 0.2}, run={"jumps": 12, "discard": 2})
+    result, numbers = saltation.run(made), made.numbers
+    pieces = coupling.pieces_of(result)
+    taken = coupling.sums_of(result, pieces, pieces.low.min(keepdims=True))[0] / pieces.lasting.sum()
+    assert np.isclose(taken, -numbers.added_mass / numbers.density_ratio * numbers.alpha * math.sin(math.atan(0.2)) / numbers.shields, rtol=1e-6)
+
+
+def test_a_grain_that_is_picked_up_has_its_first_velocity_from_the_stream():
+    flown = saltation.run(scene("sand", run={"jumps": 200, "discard": 10}, rests={"entrainment": 5.0, "rise": 0.5}))
+    jumps = flown.jumps
+    picked_up = (flown.rests["start"] > jumps["start"].iloc[0]).sum()
+    assert picked_up > 10
+    gained = (jumps["impact_x"] - jumps["takeoff_x"]).sum() + 2.0 * picked_up  # all take off at 2 u*, and end at rest or in an impact of the bed
+    assert np.isclose(coupling.pieces_of(flown).gained.sum(), gained, rtol=1e-9)
 
 
 def test_a_layer_of_grains_makes_the_bed_rougher():
