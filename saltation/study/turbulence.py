@@ -28,7 +28,7 @@ SEEDS = (1, 2, 3)
 JUMPS, DISCARD = 200, 20  # that count, and before them
 DEPTH = 0.1  # m
 ENTRAINMENT = 5.0  # 1/s
-TOLERANCE = 0.1  # of a coupling, ρu*²: chance moves the stresses of 200 jumps by more than the 0.001 of a scene that says nothing
+TOLERANCE = 0.03  # of a coupling among eddies, ρu*²: two standard errors of the mean over some ten runs of 200 jumps; without them 0.001, the scene's own
 RUN = ["laws", "particle_reynolds", "stage"]  # labels of runs that differ in their variant and seed alone
 QUANTITIES = ("height", "length", "velocity", "spin", "takeoff_angle", "incidence_angle", "abs_deviation_angle")
 RANGES = {"within a jump": (0.02, 0.3), "between": (2.0, 20.0), "long": (40.0, 400.0)}  # lags in mean durations of a jump
@@ -49,7 +49,7 @@ def content(laws: str, size: float, stage: float, variant: str, jumps: int = JUM
     if "turbulence" in parts:
         found["effects"] = [*found["effects"], "turbulence"]
     if "coupling" in parts:
-        found["coupling"] = {"tolerance": TOLERANCE}
+        found["coupling"] = {"tolerance": TOLERANCE} if "turbulence" in parts else "two_way"
     return found
 
 
