@@ -5,8 +5,8 @@ It is summed as the momentum that grains gain between two kept places, shared ov
 a grain that rested has its first velocity from the stream too. Owen (1964), J. Fluid Mech. 20, 225; Wiberg & Smith (1985), J. Geophys. Res. 90(C4), 7341;
 the form as in the project's notes.
 
-Among eddies another profile is another path, so that runs differ by chance however near their profiles are. Where the change has risen twice, each run has
-random numbers of its own, and the profile is that of the sums over all of them: steps 1/k (Robbins & Monro 1951, Ann. Math. Stat. 22, 400) to the stress
+Among eddies another profile is another path, so that runs differ by chance however near their profiles are. Where the change has risen (without eddies twice), each run
+has random numbers of its own, and the profile is that of the sums over all of them: steps 1/k (Robbins & Monro 1951, Ann. Math. Stat. 22, 400) to the stress
 that runs of any number would come to, known to its standard error by the jackknife (Tukey 1958), ∝ 1/√k.
 """
 
@@ -27,7 +27,7 @@ from saltation.scene import Scene
 LEVELS = 64  # heights
 HIGHER = 2.0  # the highest over the highest that a grain has been at, in deep water
 DAMPING = 0.7  # of the change of the stress from run to run
-RISES = 2  # of the change from run to run, that are chance: one may be a grain that rests where it did not before
+RISES = 2  # of the change from run to run, that are chance: without eddies one may be a grain that rests where it did not before
 FEWEST = 8  # runs that say how far chance moves them
 
 
@@ -172,13 +172,15 @@ def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result]
     A run that does not finish is returned as it is; one whose stream and grains do not agree after `coupling.runs` runs is "unsettled".
     """
     coupling, known, depth = scene.coupling, key_of(scene), scene._setting(scene.clear).depth
+    eddies = "turbulence" in scene.names
     assert coupling is not None
     seeing = scene.changed(run={"trajectory": True})
     heights: Floats = np.zeros(0)
     used, change, rate_uncoupled, rises = heights, math.inf, 0.0, 0
-    chance, runs = False, np.zeros((0, LEVELS + 4))  # whether chance moves the runs, and what each has added up to since then
+    met = chance = False  # whether the tolerance is met, and whether chance moves the runs
+    runs = np.zeros((0, LEVELS + 4))  # what each has added up to since then
     for k in range(coupling.runs + 1):
-        agreed = change <= coupling.tolerance or k == coupling.runs
+        agreed = met or k == coupling.runs
         if agreed and not chance:
             break
 
@@ -218,11 +220,13 @@ def settle(scene: Scene, fly: Callable[[Scene, Callable[[float], None]], Result]
             used = seen.copy()
             if len(runs) >= FEWEST:
                 change = 2.0 * float(standard_error(scene, runs).max())
+                met = change <= coupling.tolerance
         else:
             before, change = change, float(np.abs(seen - used).max())
             rises += change >= before
-            chance = rises == RISES and change > coupling.tolerance
-            if change > coupling.tolerance and k + 1 < coupling.runs:
+            met = (max(change, before) if eddies else change) <= coupling.tolerance  # among eddies once may be luck
+            chance = rises + eddies >= RISES and not met
+            if not met and k + 1 < coupling.runs:
                 used = used + (DAMPING if k else 1.0) * (seen - used)
         used[-1] = 0.0
     told: dict[str, Any] = {"of": known, "heights": heights.tolist(), "stress": used.tolist(), "seen": seen.tolist(), "runs": k + chance, "averaged": len(runs)}
