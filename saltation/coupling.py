@@ -5,9 +5,9 @@ It is summed as the momentum that grains gain between two kept places, shared ov
 a grain that rested has its first velocity from the stream too. Owen (1964), J. Fluid Mech. 20, 225; Wiberg & Smith (1985), J. Geophys. Res. 90(C4), 7341;
 the form as in the project's notes.
 
-Among eddies another profile is another path, so that runs differ by chance however near their profiles are. Where the change has risen (without eddies twice), each run
-has random numbers of its own, and the profile is that of the sums over all of them: steps 1/k (Robbins & Monro 1951, Ann. Math. Stat. 22, 400) to the stress
-that runs of any number would come to, known to its standard error by the jackknife (Tukey 1958), ∝ 1/√k.
+Among eddies another profile is another path, so that runs differ by chance however near their profiles are. Where the change has risen (without eddies
+twice), each run has random numbers of its own, and the profile is that of the sums over all of them: steps 1/k (Robbins & Monro 1951, Ann. Math. Stat. 22,
+400) to the stress that runs of any number would come to, known to its standard error by the jackknife (Tukey 1958), ∝ 1/√k.
 """
 
 from __future__ import annotations
