@@ -278,7 +278,7 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
 def _gaps(g: ArrayLike, gaps: str) -> tuple[Floats, NDArray[np.bool_]]:
     """Samples, and which of them are missing, wholly or in part: all are refused unless gaps are bridged."""
     samples = _samples(_with_holes(g) if gaps == "bridge" else g)
-    missing = np.asarray(np.isnan(samples).reshape(len(samples), -1).any(axis=1))
+    missing = np.asarray(np.isnan(samples).any(axis=tuple(range(1, samples.ndim))))
     if (missing.any() and gaps == "raise") or np.isinf(samples).any():
         raise _unfit(samples if gaps == "raise" else np.where(np.isnan(samples), 0.0, samples), 0)
     return samples, missing

@@ -193,8 +193,8 @@ class ExponentialSum:
         rtol : float, dimensionless
             1e-14 to below 1. Tabulated in quarter decades, so at most one term more than the least possible.
         kernel : Kernel
-            The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5: from tables. Others are fitted here, with 1.2 to 2 times the least possible
-            terms, if they are completely monotone; rtol is then that of max(K(s), 1e-16 K(near)).
+            The Basset kernel, or a Mei–Adrian kernel with c1 = 2 or 2.5: from tables. Others, and lags before those of the tables, are fitted here, with
+            1.2 to 2 times the least possible terms, if they are completely monotone; rtol is then that of max(K(s), 1e-16 K(near)).
 
         Returns
         -------
@@ -222,13 +222,15 @@ class ExponentialSum:
             stretch, table = 1.0 / far, _basset_table()
             covers = table.near <= near / far * _SLACK
         elif isinstance(kernel, Kernel):
-            return cls(*positive_sum(kernel, near, far, rtol), near, far, kernel, rtol)
+            covers = np.zeros(1, dtype=bool)
         else:
             raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+        if not covers.any():
+            if _has_geometric(kernel):
+                raise ValueError(f"far/near must be up to {1.0 / table.near.min():.3g} for {kernel!r}, got near = {near:g} and far = {far:g} seconds")
+            return cls(*positive_sum(kernel, near, far, rtol), near, far, kernel, rtol)
         kept = covers & (table.error <= rtol)
         if not kept.any():
-            if not covers.any():
-                raise ValueError(f"near and far must lie within the tabulated range, {table.reach(stretch)} for {kernel!r}, got {near:g} and {far:g} seconds")
             best = table.error[covers].min()
             raise ValueError(f"rtol must be at least {1.005 * best:.3g} for near = {near:g} and far = {far:g} seconds, got {rtol:g}")
         candidates = np.flatnonzero(kept & (table.terms == table.terms[kept].min()))
@@ -337,12 +339,6 @@ class _Table:
     offset: Any
     log_rates: Floats
     log_weights: Floats
-
-    def reach(self, stretch: float) -> str:
-        """What can be asked for, in words."""
-        if (self.far == 1.0).all():
-            return f"far/near up to {1.0 / self.near.min():.3g}"
-        return f"near from {self.near.min() / stretch:.3g} s, far up to {self.far.max() / stretch:.3g} s and far/near up to 1e12"
 
 
 def _load(name: str) -> dict[str, Any]:

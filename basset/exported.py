@@ -27,6 +27,7 @@ from basset.streaming import Plan
 FORMATS = ("table", "csv", "json", "c", "fortran")
 TESTED = 100  # nodes of the worked example, if there are as many
 BLOCK = 1000  # numbers in one Fortran statement: 255 continued lines are the most
+MOST = 2**31 - 2  # steps: they are counted by integers of 32 bits
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -62,7 +63,7 @@ def sum_text(tail: ExponentialSum, order: int, form: str) -> str:
     _validate.choice("format", form, FORMATS)
     rule = Windowed(Daitche(order), tail.near, tail)
     dt, last = tail.near / (order // 2 + 1), order + 1
-    steps = math.floor(tail.far / dt * (1.0 + 1e-9))
+    steps = min(MOST, math.floor(tail.far / dt * (1.0 + 1e-12)))  # but for rounding
     if steps <= last:
         raise ValueError("far must be greater than {} seconds for steps of near/{}, got {:g}".format(f"{(last + 1) * dt:g}", order // 2 + 1, tail.far))
     plan = rule.plan(dt, steps * dt, tail.kernel)

@@ -23,6 +23,7 @@ NEAR = ("inverse_sqrt", "bounded")
 TINY = (1e-36, 1e-32)  # lags at which a kernel has begun
 POINTS = 24  # per panel
 HALVED = 57  # of √far: what is left out below is less than rounding
+TIMES = (1e-200, 1e200)  # s: τ^(−3/2) is a number
 DEEPEST = 12  # how often a panel is halved where K is not smooth
 CENTRAL = (5.0 / 6.0, -5.0 / 21.0, 5.0 / 84.0, -5.0 / 504.0, 1.0 / 1260.0)  # differences over twice 1 … 5 steps, exact to degree 10
 SERIES = 8.0  # from this √(s/τ) on the slope of exp(x²) erfc(x) is taken from its series
@@ -137,7 +138,7 @@ class FormulaKernel(Kernel):
         _validate.choice("near", self.near, NEAR)
         object.__setattr__(self, "time_scale", _validate.positive("time_scale", self.time_scale, "seconds"))
         x = np.array([*TINY, 1.0])
-        first, second, one = self._called("function", x).tolist()
+        first, second, one = self._called("function", x.copy()).tolist()
         power, factor = ("√s·K", np.sqrt(x)) if self.near == "inverse_sqrt" else ("K", np.ones(3))
         first, second, one = first * factor[0], second * factor[1], one * factor[2]
         if abs(first - second) > 1e-3 * max(abs(second), abs(one) if self.near == "bounded" else 0.0) or (self.near == "inverse_sqrt" and not first):
@@ -152,10 +153,12 @@ class FormulaKernel(Kernel):
 
     def _called(self, name: str, x: Floats) -> Floats:
         """`function` or `derivative` at x > 0, checked."""
+        if not x.size:
+            return x
         with np.errstate(all="ignore"):
             returned = getattr(self, name)(x)
         try:
-            found = np.asarray(returned, dtype=np.float64)
+            found = np.asarray(returned, dtype=None if np.iscomplexobj(returned) else np.float64).astype(np.float64, casting="same_kind")
         except (TypeError, ValueError):
             raise TypeError(f"{name} must return real numbers, got {_validate.shown(returned)}") from None
         if found.shape != x.shape:
@@ -213,6 +216,11 @@ def slope(x: Floats) -> Floats:
         return np.asarray(np.where(x > SERIES, total / (math.sqrt(math.pi) * far), erfcx(x) - 1.0 / (math.sqrt(math.pi) * x)))
 
 
+def _time(length: float, viscosity: float) -> float:
+    """length²/viscosity, which may be 0 or infinite."""
+    return length / viscosity * length
+
+
 class GatignolKernel(Kernel):
     """K(s) = strength·√(π/τ) exp(s/τ) erfc(√(s/τ)): bounded at short lags, strength·s^(−1/2) at long ones."""
 
@@ -220,6 +228,15 @@ class GatignolKernel(Kernel):
         "Gatignol (2007), C. R. Mécanique 335, 606",
         "Yang & Leal (1991), Phys. Fluids A 3, 1822",
     )
+
+    def __post_init__(self) -> None:
+        names = [name for name in ("slip_length", "diameter", "viscosity") if hasattr(self, name)]
+        for name in names:
+            object.__setattr__(self, name, _validate.positive(name, getattr(self, name), "m²/s" if name == "viscosity" else "m"))
+        if not TIMES[0] < self.time < TIMES[1]:
+            raise ValueError(
+                f"{', '.join(names)} must give a time τ between {TIMES[0]:g} s and {TIMES[1]:g} s (below: take BassetKernel()), got τ = {self.time:g} s"
+            )
 
     @property
     @abc.abstractmethod
@@ -264,7 +281,7 @@ class SlipSphereKernel(GatignolKernel):
     Raises
     ------
     ValueError, TypeError
-        If a parameter is not a number greater than 0, or τ too small to be one.
+        If a parameter is not a number greater than 0, or τ too small or large to be computed with.
 
     References
     ----------
@@ -281,14 +298,6 @@ class SlipSphereKernel(GatignolKernel):
     diameter: float
     viscosity: float
 
-    def __post_init__(self) -> None:
-        for name, unit in (("slip_length", "m"), ("diameter", "m"), ("viscosity", "m²/s")):
-            object.__setattr__(self, name, _validate.positive(name, getattr(self, name), unit))
-        if not 0.0 < self.time < math.inf:
-            raise ValueError(
-                f"slip_length must be large enough for τ = {self.time:g} s to be a number greater than 0, got {self.slip_length:g}: take BassetKernel()"
-            )
-
     @property
     def strength(self) -> float:
         """((1 + 2λ)/(1 + 3λ))², dimensionless."""
@@ -299,7 +308,7 @@ class SlipSphereKernel(GatignolKernel):
     def time(self) -> float:
         """τ = (λ/(1 + 3λ))² a²/ν, in seconds."""
         share = 2.0 * self.slip_length / self.diameter
-        return float((share / (1.0 + 3.0 * share) * 0.5 * self.diameter) ** 2 / self.viscosity)
+        return _time(share / (1.0 + 3.0 * share) * 0.5 * self.diameter, self.viscosity)
 
     def scaled(self, dt: float) -> SlipSphereKernel:
         """Time in units of `dt`, lengths kept: the viscosity is multiplied by it."""
@@ -323,7 +332,7 @@ class BubbleKernel(GatignolKernel):
     Raises
     ------
     ValueError, TypeError
-        If a parameter is not a positive number.
+        If a parameter is not a positive number, or τ too small or large to be computed with.
 
     References
     ----------
@@ -339,10 +348,6 @@ class BubbleKernel(GatignolKernel):
     diameter: float
     viscosity: float
 
-    def __post_init__(self) -> None:
-        for name, unit in (("diameter", "m"), ("viscosity", "m²/s")):
-            object.__setattr__(self, name, _validate.positive(name, getattr(self, name), unit))
-
     @property
     def strength(self) -> float:
         """4/9, dimensionless."""
@@ -351,7 +356,7 @@ class BubbleKernel(GatignolKernel):
     @property
     def time(self) -> float:
         """τ = a²/(9ν), in seconds."""
-        return self.diameter**2 / (36.0 * self.viscosity)
+        return _time(self.diameter / 6.0, self.viscosity)
 
     def scaled(self, dt: float) -> BubbleKernel:
         """Time in units of `dt`, lengths kept: the viscosity is multiplied by it."""

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 
 from basset._compile import call, compiled, shared, tabulate
-from basset.kernels import Floats
+from basset.kernels import Floats, Kernel
 from basset.particles._sources import Sources
 from basset.solvers import stepper
 from basset.solvers._graded import Integration
 from basset.solvers._many import STATUS, UNDONE, Rows, prepared, set_arguments
-from basset.solvers.base import MESSAGES, Event, Piece, Task, Trace, off_surfaces, traced
+from basset.solvers.base import MESSAGES, Event, Task, Trace, off_surfaces, traced
 
+TINY = 1e-30  # θ, as good as 0
+SOON = 1e-36  # s, behind which a kernel is s^(-1/2) times its factor
 LEFT = 3  # status of a particle that left the grid
 STATUSES = {**MESSAGES, LEFT: "The particle left the grid of its flow."}
 
@@ -61,11 +63,26 @@ def slope_at(polynomial: Floats, kind: int, h: float, theta: float, a: int) -> f
     return 2.0 * total / h / (2.0 * q if kind == 1 else 1.0)
 
 
+@shared
+def leap_into(record: Any, columns: Any, j: int, begun: int, at: int, a: int) -> float:
+    """By how much slip a of system j, whose first step is `begun`, jumps where step `at` begins."""
+    b = columns.y0.shape[1] - columns.slip.shape[1] + a
+    total: float = 0.0
+    while at > begun and record.leapt[at - 1] != 0.0:
+        at -= 1
+        total += record.after[at, b] - record.before[at, b]
+        if record.share[at] > 0.0:
+            return total
+    if at == begun:
+        total += columns.slip[j, a]
+    return total
+
+
 def _make_sample(digest: str) -> Callable[..., Any]:
-    def sample(fun, p, record, columns, wanted, felt, states, histories, row, first, last):
+    def sample(fun, p, record, columns, wanted, at_once, root, states, histories, row, first, last):
         """States and histories of systems from number `first` up to `last`, whose steps are the record, at the wanted times up to their ends.
 
-        `felt`: whether the history acts.
+        `at_once`, `root`: `Swarm.begins`.
         """
         digest  # noqa: B018 - part of the cache key
         n, members, polynomial, stop = columns.y0.shape[1], histories.shape[2], p.work.polynomial, 0
@@ -103,18 +120,33 @@ def _make_sample(digest: str) -> Callable[..., Any]:
                     states[j, i, a] = row[0, a]
                 for a in range(members):
                     histories[j, i, a] = 0.0
-                if not felt or at < begun:
+                if at_once == 0.0 or at < begun:
                     continue
+                behind, into = theta == 0.0, at  # a jump: what there was before, and what it adds
+                if behind and at > begun:
+                    at -= 1
+                    while at > begun and record.share[at] == 0.0:
+                        at -= 1
+                    theta = record.share[at]
+                    stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
+                    fitted = at
+                    for a in range(n):
+                        row[0, a] = record.before[at, a]
                 if theta > 0.0:
                     call(fun, t, row, 0, row, 1, row)
+                kind, h, left = int(record.kind[at]), record.size[at], 1.0
+                for stage in range(len(p.nodes.c)):
+                    left *= 1.0 - math.sqrt(theta / p.nodes.c[stage])
                 for a in range(members):
                     b = n - members + a
                     if theta > 0.0:
-                        histories[j, i, a] = slope_at(polynomial, int(record.kind[at]), record.size[at], theta, b) - row[1, b]
-                    else:  # right behind a jump
-                        leap = columns.slip[j, a] if at == begun else record.after[at - 1, b] - record.before[at - 1, b]
-                        if leap != 0.0:
-                            histories[j, i, a] = -math.copysign(math.inf, leap)
+                        histories[j, i, a] = slope_at(polynomial, kind, h, theta, b) - row[1, b]
+                        if kind == 1:  # dy/d√θ at the start is known, and would be divided by √θ
+                            known = -root * leap_into(record, columns, j, begun, at, a) / math.sqrt(h * theta)
+                            histories[j, i, a] += left * (known - slope_at(polynomial, 1, h, TINY, b) * math.sqrt(TINY / theta))
+                    leap = leap_into(record, columns, j, begun, into, a) if behind else 0.0
+                    if leap != 0.0:
+                        histories[j, i, a] -= at_once * leap
 
     return sample
 
@@ -171,8 +203,15 @@ class Swarm:
         listed = [Event(event.function, args, event.index, event.terminal, event.direction, event.jump) for event in self.task.events]
         return replace(self.task, y0=self.starts[j].copy(), slip=self.slips[j].copy(), args=args, data=args, events=listed)
 
-    def felt(self) -> bool:
-        return bool((self.task.coefficient > 0.0).any())
+    def begins(self) -> tuple[float, float]:
+        """What the history takes from the rate of a slip behind a jump, per jump: at once (0 without history), and its factor of s^(-1/2)."""
+        coefficient, kernel = float(self.task.coefficient.max()), self.task.kernel
+        if not coefficient:
+            return 0.0, 0.0
+        if not isinstance(kernel, Kernel):
+            return math.inf, coefficient
+        start = kernel(0.0)
+        return coefficient * start, coefficient * kernel(SOON) * math.sqrt(SOON) if math.isinf(start) else 0.0
 
     def ended(self, status: int, events_seen: Any) -> int:
         """The status, LEFT where the last event was the end of the grid."""
@@ -192,7 +231,7 @@ class Swarm:
         """One particle at the wanted times."""
         trace = traced(task, self.method)[1]
         starts = np.array([piece.start for piece in trace.pieces])
-        leaps = {event.times[k] for event in task.events if event.jump is not None for k in range(len(event.times))}
+        leaps = {event.times[k]: event.states[k] for event in task.events if event.jump is not None for k in range(len(event.times))}
         assert self.wanted is not None
         for i, t in enumerate(self.wanted):
             if t > trace.times[-1]:
@@ -202,7 +241,7 @@ class Swarm:
         if trace.status < 0:
             found.messages[j] = trace.message
 
-    def _at(self, task: Task, trace: Trace, starts: Floats, leaps: set[float], t: float) -> tuple[Floats, Floats]:
+    def _at(self, task: Task, trace: Trace, starts: Floats, leaps: dict[float, Floats], t: float) -> tuple[Floats, Floats]:
         """State and history at a time; at a jump those after it."""
         d, history = len(task.memory), np.zeros(len(task.memory))
         if t >= trace.times[-1]:
@@ -210,21 +249,33 @@ class Swarm:
         else:
             k = int(np.searchsorted(starts, t, side="right")) - 1
             state = trace.pieces[k].at(np.array([t]))[0]
-        if not self.felt() or not trace.pieces:
+        if not self.begins()[0] or not trace.pieces:
             return state, history
-        if t == task.start or (t in leaps and t < trace.times[-1]):
-            leap = task.slip
-            if t > task.start:
-                leap = state[-d:] - trace.pieces[k - 1].values(np.ones(1))[0][-d:]
-            return state, np.where(leap != 0.0, -np.copysign(np.inf, leap), 0.0)
+        if t == task.start:
+            return state, self._behind(history, task.slip)
+        if t in leaps and t < trace.times[-1]:
+            before = leaps[t]
+            return state, self._behind(self._history(task, trace, k - 1, t, before), state[-d:] - before[-d:])
         if t <= trace.pieces[k].start:
             k -= 1
-        return state, self._history(task, trace.pieces[k], t, state)
+        return state, self._history(task, trace, k, t, state)
 
-    def _history(self, task: Task, piece: Piece, t: float, state: Floats) -> Floats:
-        d, theta = len(task.memory), min((t - piece.start) / piece.length, 1.0)
-        rates = np.asarray(task.function(t, state.copy(), *task.args))
-        return np.asarray(piece.slopes(np.array([theta]))[0, -d:] - rates[-d:])
+    def _behind(self, history: Floats, leap: Floats) -> Floats:
+        """What the history adds right behind a jump, from that before it."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(history - np.where(leap == 0.0, 0.0, self.begins()[0] * leap))
+
+    def _history(self, task: Task, trace: Trace, k: int, t: float, state: Floats) -> Floats:
+        """What the history adds to the rates of the slip at a time in a piece, as `sample`."""
+        d, piece = len(task.memory), trace.pieces[k]
+        theta = min((t - piece.start) / piece.length, 1.0)
+        slopes, rates = piece.slopes(np.array([theta, TINY]))[:, -d:], np.asarray(task.function(t, state.copy(), *task.args))
+        found = slopes[0] - rates[-d:]
+        if piece.met is not None:
+            leap = task.slip if k == 0 else piece.values(np.zeros(1))[0, -d:] - trace.pieces[k - 1].values(np.ones(1))[0, -d:]
+            known = -self.begins()[1] * leap / math.sqrt(theta * piece.length)
+            found += np.prod(1.0 - math.sqrt(theta) / piece.met) * (known - slopes[1] * math.sqrt(TINY / theta))
+        return np.asarray(found)
 
     def _stepwise(self) -> Paths:
         """One particle at the ends of its steps; the time of a jump twice, before and after."""
@@ -232,16 +283,16 @@ class Swarm:
         trace = traced(task, self.method)[1]
         times, states = np.array(trace.times), np.array(trace.states)
         histories, d = np.zeros((len(times), states.shape[1] // 2)), states.shape[1] // 2
-        if self.felt():
+        if self.begins()[0]:
             ends = np.array([piece.end for piece in trace.pieces])
             for i, t in enumerate(times):
-                twice = i > 0 and t == times[i - 1]
-                leap = self.slips[0] if i == 0 else states[i, -d:] - states[i - 1, -d:] if twice else np.zeros(d)
-                if i == 0 or twice:
-                    histories[i] = np.where(leap != 0.0, -np.copysign(np.inf, leap), 0.0)
+                first = int(np.searchsorted(times, t))  # before all jumps at this time
+                if first < i or i == 0:
+                    leap = states[i, -d:] - states[first, -d:]
+                    histories[i] = self._behind(histories[first], leap) if first else self._behind(np.zeros(d), self.slips[0] + leap)
                 elif len(ends):
                     k = int(np.argmin(np.abs(ends - t)))
-                    histories[i] = self._history(task, trace.pieces[k], t, states[i])
+                    histories[i] = self._history(task, trace, k, t, states[i])
         status = self.ended(trace.status, self._log(0, task, seen))
         messages = {0: trace.message} if trace.status < 0 else {}
         return Paths(times, states[None], histories[None], np.array([status], dtype=np.int32), times[-1:].copy(), messages, seen)
@@ -273,7 +324,7 @@ class Block:
             starts = np.array([off_surfaces(swarm.task_of(j, self.work)).y0 for j in range(self.first, self.last)])
         rows = self.rows = Rows(one, starts, swarm.slips[some], np.tile(task.coefficient, (count, 1)), arguments, np.full(count, UNDONE), suspects=True)
         self._sample = partial(
-            sample, one.free.fun, rows.parts, rows.record, rows.table, swarm.wanted, swarm.felt(),
+            sample, one.free.fun, rows.parts, rows.record, rows.table, swarm.wanted, *swarm.begins(),
             self.found.states[some], self.found.histories[some], np.zeros((2, n)),
         )  # fmt: skip
         self._sample(count, count)

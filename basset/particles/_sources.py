@@ -159,7 +159,7 @@ def _leaping(jump: Any) -> Any:
         after = jump(t, work[place, :d].copy(), work[at, :d].copy())
         for a in range(d):
             work[out, a] = y[a]
-            work[out, d + a] = (after[a] - work[fluid, a]) / speed
+            work[out, d + a] = y[d + a] if after[a] == work[at, a] else (after[a] - work[fluid, a]) / speed
         return work[out, : 2 * d]
 
     return compiler().njit(leaping)
@@ -176,7 +176,8 @@ def _leapt(located: Any, jump: Any, t: float, y: Floats, work: Any, length: floa
     d = len(y) // 2
     after = jump(t, np.array(work[eq.PLACE, :d]), np.array(work[eq.VELOCITY, :d]))
     after = checked(f"jump must return {d} components of the velocity after it", after, (d,))
-    return np.concatenate([y[:d], (after - work[eq.FIELD, :d]) / speed])
+    slips = np.where(after == work[eq.VELOCITY, :d], y[d:], (after - work[eq.FIELD, :d]) / speed)  # to the last digit: what does not jump has no infinite force
+    return np.concatenate([y[:d], slips])
 
 
 def _within(flow: Flow, t: float, y: Floats, work: Any, length: float, speed: float) -> float:

@@ -109,9 +109,9 @@ def maxey_riley(
         `position` (m), `velocity` and `slip` (m/s) over (particle, time, component), NaN behind a particle's own end; `force` (N) over (kind,
         particle, time, component) with the kinds weight (less buoyancy), drag, added_mass, pressure_gradient (the force of the undisturbed flow,
         ρ V Du/Dt) and, if they act, lift and history: their sum is mass times acceleration, except at the very time of a jump of the slip, where
-        the history force is infinite. `status` (particle): 0 end reached, 1 terminal event, 2 at rest, 3 left the grid, −1 failure; `end_time` (s).
-        With events also `event_time`, `event_number`, `event_particle`, `event_position` and `event_velocity` (before the jump) over (occurrence).
-        `to_netcdf(path, engine="scipy")` writes it.
+        the history force is infinite unless the kernel is bounded. `status` (particle): 0 end reached, 1 terminal event, 2 at rest, 3 left the
+        grid, −1 failure; `end_time` (s). With events also `event_time`, `event_number`, `event_particle`, `event_position` and
+        `event_velocity` (before the jump) over (occurrence). `to_netcdf(path, engine="scipy")` writes it.
 
     Raises
     ------

@@ -37,7 +37,8 @@ SLIDING = (
 
 def _shortened(piece: Piece, share: float) -> Piece:
     """The first part of a piece."""
-    return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share), lambda theta: piece.slopes(theta * share))
+    met = None if piece.met is None else piece.met / math.sqrt(share)
+    return Piece(piece.start, piece.length * share, lambda theta: piece.values(theta * share), lambda theta: piece.slopes(theta * share), met)
 
 
 fitted = lru_cache(maxsize=64)(ExponentialSum.fit)
@@ -573,7 +574,7 @@ class Integration:
             root = np.sqrt(theta)
             return np.asarray(stages.singular.slopes(root)[..., 1:] @ values / (2.0 * h * root[:, None]))
 
-        return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values, slopes)
+        return Piece(start, h, lambda theta: y + stages.singular.values(np.sqrt(theta))[..., 1:] @ values, slopes, np.sqrt(stages.c))
 
     def _leave(self, surface: _sliding.Surface) -> None:
         """Go on from here beside the surface, with a Jacobian of that side: differences must not reach over."""

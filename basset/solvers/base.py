@@ -36,6 +36,7 @@ class Piece:
     length: float
     values: Callable[[Floats], Floats]  # θ (k,) -> (k, states)
     slopes: Callable[[Floats], Floats]  # θ (k,) -> (k, states): rates, per time; of a step in √θ for θ > 0
+    met: Floats | None = None  # √θ at which a step in √θ meets the equation
 
     @property
     def end(self) -> float:

@@ -48,8 +48,8 @@ def _make_decays(digest: str) -> Callable[..., Any]:
                     term *= z / k
                     cubic += term
                 cubic *= kept
-            else:
-                cubic = (6.0 - kept * (6.0 + z * (6.0 + z * (3.0 + z)))) / (z * z * z * z)
+            else:  # z³ may be beyond all numbers where nothing is kept
+                cubic = (6.0 - (kept * (6.0 + z * (6.0 + z * (3.0 + z))) if kept > 0.0 else 0.0)) / (z * z * z * z)
             own[3, i], own[4, i] = cubic, kept
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         for i in range(terms):
@@ -89,10 +89,10 @@ left = compiled(_make_left, reassociate=True, allocates=False)
 
 @shared
 def enter(terms, own, q):
-    """Let the terms forget over a panel and take in its polynomial."""
+    """Let the terms forget over a panel and take in its polynomial; the smaller factor of both is used, whose rounding counts less."""
     for i in range(len(terms)):
         gain = q[0] * own[0, i] + q[1] * own[1, i] + q[2] * own[2, i] + q[3] * own[3, i]
-        terms[i] += gain - own[5, i] * terms[i]
+        terms[i] = terms[i] + (gain - own[5, i] * terms[i]) if own[5, i] < 0.5 else own[4, i] * terms[i] + gain
 
 
 @shared

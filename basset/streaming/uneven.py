@@ -27,6 +27,7 @@ from basset.weights.uneven import at_node, pieces
 KEPT = DEPTH + 2
 ROUNDED = 1.0 - 1e-6  # steps that differ by rounding are equal
 SHORTEST = 1.000000001e-12  # of the time to be remembered
+FINEST = 1e-14  # promise that double precision keeps
 
 
 class Planned(NamedTuple):
@@ -47,6 +48,8 @@ class Planned(NamedTuple):
 @lru_cache(maxsize=64)
 def planned(kernel: Kernel, rtol: float, near: float, far: float) -> Planned:
     """A sum for K from `near` to `far`; it begins later where that is more than twelve decades. What no table holds is fitted here."""
+    if rtol < FINEST:
+        raise ValueError(f"rtol must be {FINEST:g} or greater at any times, got {rtol:g}")
     endless = _has_geometric(kernel)
     near = near if endless else max(near, far * SHORTEST)
     far = max(far, 2.0 * near)
@@ -235,7 +238,7 @@ class UnevenPlan(AtNewest):
             return rates
         kept = min(count, KEPT)
         times = np.concatenate([state.times[KEPT - kept :], times])
-        rates = np.ascontiguousarray(np.concatenate([state.samples[:, KEPT - kept :].T, rates.reshape(len(rates), -1)]))
+        rates = np.ascontiguousarray(np.concatenate([state.samples[:, KEPT - kept :].T, rates.reshape(len(rates), math.prod(shape))]))
         check_times(times, np.arange(len(times)) - kept, self.shortest)
         start = state.counters[2] if count else times[0]
         if times[-1] - start > self.tail_sum.far:
@@ -249,7 +252,7 @@ class UnevenPlan(AtNewest):
         state.samples[:, KEPT - held :], state.times[KEPT - held :] = rates[-held:].T, times[-held:]
         state.history[...] = history[-1].reshape(shape)
         state.counters[:] = count + len(rates) - kept, begin - (len(times) - held), start
-        return history[kept:].reshape(-1, *shape)
+        return history[kept:].reshape(len(history) - kept, *shape)
 
     def tail(self, state: UnevenState, t: float) -> Any:
         """The part of H at the next time that does not depend on the sample there: H = tail + local·g.
@@ -354,4 +357,6 @@ def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, sl
         made = pieces(t, g, order, slip, leaps)
         for n in shorter:
             history[n] = at_node(made, int(n), kernel)
+            if n + 1 < len(t) and t[n + 1] == t[n]:
+                history[n + 1] = history[n]
     return history

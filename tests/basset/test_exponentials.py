@@ -229,8 +229,16 @@ class TestFiniteReynolds:
 
     def test_a_range_beyond_the_table(self):
         kernel = FINITE["mei_adrian"](0.1)
-        with pytest.raises(ValueError, match=r"near.*far.*MeiAdrianKernel"):
+        with pytest.raises(ValueError, match=r"far/near.*MeiAdrianKernel"):
             ExponentialSum.fit(1e-30, 1e30, 1e-3, kernel)
+
+    @every_kernel
+    @pytest.mark.parametrize("slip", [1e-15, 1e-9, 1e-7])
+    def test_hardly_any_slip_is_fitted(self, make, slip):
+        """Tables begin at a lag of 1e-12 C^(-2/3)."""
+        tail = ExponentialSum.fit(5e-12, 0.05, 1e-8, make(slip))
+        lags = np.geomspace(5e-12, 0.05, 4000)
+        assert np.abs(tail(lags) / make(slip)(lags) - 1.0).max() <= 1.001e-8
 
 
 class TestBadRequests:

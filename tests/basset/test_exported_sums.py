@@ -125,6 +125,13 @@ def test_compiled_weights_give_the_worked_value(form, words, tmp_path):
     assert abs(compiled(form, text, C_WEIGHTS if form == "c" else FORTRAN_WEIGHTS, tmp_path)) < 1e-13
 
 
+@pytest.mark.parametrize(("near", "far", "steps"), [(1e-3, 1e6, 2_000_000_000), (1e-6, 1e5, 2**31 - 2)])
+def test_long_sums_are_counted_by_integers_of_32_bits(near, far, steps):
+    words = ("sum", "--near", near, "--far", far, "--rtol", 1e-4)
+    assert json.loads(printed(*words, "--format", "json"))["steps"] == steps
+    assert f"basset_steps = {steps} }}" in printed(*words, "--format", "c")
+
+
 def read_back(text, form):
     """Weights and rates from the printed digits alone."""
     if form == "json":

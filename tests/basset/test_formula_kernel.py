@@ -424,6 +424,7 @@ WRONG = {
     ),
     "singular after all": ((tempered, "bounded"), ValueError, r"function must begin as near='bounded' says"),
     "another power": ((lambda s: s**-0.3,), ValueError, "near='inverse_sqrt'"),
+    "complex": ((lambda s: (1.0 + 1.0j) / np.sqrt(s),), TypeError, "function must return real numbers"),
     "derivative": ((tempered, "inverse_sqrt", 2), TypeError, "derivative must be callable"),
     "time scale": ((tempered, "inverse_sqrt", None, 0.0), ValueError, "time_scale must be a finite number greater than 0"),
 }
@@ -443,11 +444,27 @@ def test_functions_that_fail_later_say_where():
         basset.Daitche(3).weights(200, 1.0, FormulaKernel(lambda s: np.cos(20.0 * s) / np.sqrt(s)), "slip")
 
 
+def test_functions_may_return_lists_and_work_in_place():
+    def root(s):
+        return np.divide(1.0, np.sqrt(s, out=s), out=s)
+
+    for function in (root, lambda s: (1.0 / np.sqrt(s)).tolist()):
+        for input in ("rate", "slip"):
+            found, expected = (basset.Daitche(3).weights(50, 0.1, kernel, input) for kernel in (FormulaKernel(function), basset.BassetKernel()))
+            assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+
+
 def test_wrong_spheres_are_refused():
     with pytest.raises(ValueError, match="slip_length must be a finite number greater than 0"):
         SlipSphereKernel(0.0, 1e-3, 1e-6)
-    with pytest.raises(ValueError, match="slip_length must be large enough"):
-        SlipSphereKernel(1e-200, 1e-3, 1e-6)
+    for kernel, given in (
+        (SlipSphereKernel, (1e-160, 1e-3, 1e-6)),
+        (BubbleKernel, (1e-300, 1e-6)),
+        (BubbleKernel, (1e300, 1e-6)),
+        (BubbleKernel, (1.0, 1e300)),
+    ):
+        with pytest.raises(ValueError, match=r"diameter, viscosity must give a time τ between 1e-200 s and 1e\+200 s .*, got τ = "):
+            kernel(*given)
     with pytest.raises(ValueError, match="viscosity must be"):
         BubbleKernel(1e-3, -1e-6)
     with pytest.raises(ValueError, match="kernel must be BassetKernel"):

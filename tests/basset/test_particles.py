@@ -72,6 +72,48 @@ def test_forces_are_those_of_the_closed_form_and_add_up(velocity, t_eval):
 
 
 @pytest.mark.analytic
+@pytest.mark.parametrize("velocity", [still, fast_still], ids=["python", "compiled"])
+def test_the_history_force_right_behind_the_start(velocity):
+    """The first terms of H in √t, far within the first step: 2√t dw/dt from rest, the slip times K behind a jump, finite where K is."""
+    d, nu, t = 1e-4, 1e-6, np.array([0.0, 1e-9, 1e-8])
+    bubble = basset.BubbleKernel(d, nu)
+    _, coefficient, _, gravity = numbers(d, 2.65, nu)
+    factor = -9.0 / d * math.sqrt(nu / math.pi) * 1000.0 * math.pi / 6.0 * d**3
+
+    def force(slip, kernel):
+        start = {"initial_slip": [0.0, 0.0, slip], "density_ratio": 2.65, "diameter": d, "viscosity": nu}
+        return (
+            maxey_riley(velocity, (0.0, 0.02), [[0.0, 0.0, 0.0]], kernel=kernel, t_eval=t, **start).force.sel(kind="history", component="z")[0].values / factor
+        )
+
+    correction = coefficient * np.sqrt(math.pi * t)
+    assert (np.abs(force(0.0, basset.BassetKernel()) + 2.0 * gravity * np.sqrt(t)) <= 0.01 * gravity * np.sqrt(t)).all()
+    found = force(0.1, basset.BassetKernel())
+    assert found[0] == math.inf and (np.abs(found[1:] / (0.1 * basset.BassetKernel()(t[1:])) - 1.0) < 2.0 * correction[1:]).all()
+    assert (np.abs(force(0.1, bubble) / (0.1 * bubble(t)) - 1.0) < 1e-4).all()
+
+
+def breeze(t, x):
+    return 0.037, 0.013, 0.0
+
+
+@pytest.mark.parametrize("velocity", [breeze, numba.njit(breeze)], ids=["python", "compiled"])
+def test_the_history_force_where_a_wall_throws_it_back(velocity):
+    """Along the wall nothing jumps; across it a bounded kernel adds the jump times K(0)."""
+    coefficient = 9.0 / BALL["diameter"] * math.sqrt(BALL["viscosity"] / math.pi) * 1000.0 * math.pi / 6.0 * BALL["diameter"] ** 3
+    for kernel in (basset.BassetKernel(), basset.BubbleKernel(BALL["diameter"], BALL["viscosity"])):
+        start = {"initial_slip": [0.05, 0.01, -1.0], "kernel": kernel, "events": fast_floor, **BALL}
+        ds = maxey_riley(velocity, (0.0, 0.2), [0.0, 0.0, 0.1], **start)
+        after = np.flatnonzero(np.diff(ds.time) == 0.0)[0] + 1
+        force, slip = ds.force.sel(kind="history")[0].values, ds.slip[0].values
+        assert (force[after, :2] == force[after - 1, :2]).all() and np.isfinite(force[after, :2]).all() and force[after, :2].all()
+        leap = (slip[after] - slip[after - 1])[2]
+        assert np.isclose(force[after, 2], force[after - 1, 2] - coefficient * kernel(0.0) * leap, rtol=1e-12)
+        at = maxey_riley(velocity, (0.0, 0.2), [[0.0, 0.0, 0.1]], t_eval=ds.time[after : after + 1], **start).force.sel(kind="history")[0, 0]
+        assert np.allclose(at, force[after], rtol=1e-8)
+
+
+@pytest.mark.analytic
 @pytest.mark.parametrize("slip", [(0.0, 0.0), (0.1, -0.2)])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9])
 def test_a_solid_body_vortex_throws_it_out_as_the_closed_form_says(slip, rtol):

@@ -153,6 +153,20 @@ class TestExponential:
         tail, lags = planned(kernel, 1e-10, 1e-9, 1.0).tail, np.geomspace(1e-9, 1.0, 4000)
         assert np.abs(tail(lags) / kernel(lags) - 1.0).max() <= 1.001e-10
 
+    @every_input
+    def test_two_samples_at_an_instant_behind_a_step_shorter_than_the_sum_s(self, input):
+        """Sums of other kernels than Basset's begin at 1e-12 of the path: H there is taken from the definition, at both samples of the instant."""
+        t = np.array([0.0, 1.0, 1.0 + 2.0**-48, 1.0 + 2.0**-48, 3.0])
+        kernel, g = FORMULA["bubble"], np.array([1.0, -2.0, 1.0, 5.0, 2.0])
+        direct, found = (cumulate(g, t=t, rule=rule, kernel=kernel, input=input) for rule in (Daitche(1), Exponential(1, 1e-9)))
+        assert np.allclose(found, direct, rtol=1e-8, atol=0.0)
+
+    @each("order", [1, 2, 3])
+    def test_a_jump_is_remembered_to_rounding_over_steps_of_any_ratio(self, order):
+        """f' = 0 and a jump of 1 at the start: K, at a step of 3e-14 of the path too."""
+        t = np.array([0.0, 17.0, 17.0 + 2.0**-41, 18.0])
+        assert np.allclose(cumulate(np.zeros(4), t=t, rule=Exponential(order, 1e-13), initial_slip=1.0)[1:] * np.sqrt(t[1:]), 1.0, rtol=0.0, atol=4e-13)
+
     def test_decays_over_a_panel_against_mpmath(self):
         z = np.concatenate([np.geomspace(1e-20, 1e3, 200), [0.5, 0.5 - 1e-15, 2.0, 2.0 - 1e-15]])
         z.sort()
@@ -299,6 +313,17 @@ class TestStream:
         refused(TypeError, "state must be what plan.start", plan.push, 3, 1.0, 0.3)
         assert pickle.dumps(state) == before
         refused(ValueError, "order must be from 1 to 3 at any times, got 4", Exponential(4).uneven_plan, 1.0)
+        refused(ValueError, "rtol must be 1e-14 or greater at any times, got 1e-15", Exponential(3, 1e-15).uneven_plan, 1.0)
+
+    def test_steps_of_any_ratio(self):
+        """f' = 1: H = 2√t, with a sum from 1e-300 of the horizon on."""
+        plan = Exponential(3, 1e-9).uneven_plan(horizon=1.0, shortest=1e-300)
+        t = np.array([0.0, 1e-290, 1e-9, 1.0])
+        assert np.allclose(plan.run(plan.start(), np.ones(4), t), 2.0 * np.sqrt(t), rtol=1e-9, atol=0.0)
+
+    def test_of_no_components(self):
+        plan = Exponential(3, 1e-6).uneven_plan(horizon=2.0)
+        assert plan.run(plan.start((2, 0)), np.zeros((3, 2, 0)), [0.0, 1.0, 2.0]).shape == (3, 2, 0)
 
 
 class TestRefused:
@@ -324,6 +349,8 @@ class TestRefused:
             (ValueError, "g must be finite, got inf in sample 2", [1.0, np.nan, np.inf, 1.0, 1.0], {"t": t, "gaps": "bridge"}),
             (ValueError, "gaps must be one of 'raise', 'bridge', got 'fill'", g, {"t": t, "gaps": "fill"}),
             (ValueError, "g must hold at least", np.full(5, np.nan), {"t": t, "gaps": "bridge"}),
+            (ValueError, "g must hold at least", [], {"t": []}),
+            (ValueError, "g must hold at least", np.zeros((0, 3)), {"dt": 0.1, "gaps": "bridge"}),
             (ValueError, "initial_slip must be left at 0", g, {"t": t, "input": "slip", "initial_slip": 1.0}),
             (TypeError, "kernel must be a kernel", g, {"t": t, "kernel": 3}),
             (ValueError, "g must be small enough", np.full(5, 1e308), {"t": t * 1e5}),
