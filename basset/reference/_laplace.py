@@ -150,32 +150,11 @@ def converged(compute: Callable[[], Any], digits: int) -> Any:
         return +value
 
 
-def _roots(coefficients: list[Any]) -> list[Any]:
-    """All roots of a polynomial, highest power first, by Aberth's iteration from those in double precision."""
-    slope = [k * a for k, a in zip(range(len(coefficients) - 1, 0, -1), coefficients, strict=False)]
-    start = np.roots(np.array([complex(a) for a in coefficients]))
-    scale = float(np.abs(start).max(initial=0.0)) or 1.0
-    with mpmath.workdps(2 * mpmath.mp.dps):
-        found = [mpmath.mpc(complex(r)) + scale * mpmath.mpc(k + 1, 1) * 1e-9 for k, r in enumerate(start)]
-        for _ in range(40 + mpmath.mp.prec):
-            largest = mpmath.mpf(0)
-            for i, r in enumerate(found):
-                value = mpmath.polyval(coefficients, r)
-                if not value:
-                    continue
-                pull = mpmath.fsum(1 / (r - q) for k, q in enumerate(found) if k != i and q != r)
-                change = 1 / (mpmath.polyval(slope, r) / value - pull)
-                found[i], largest = r - change, max(largest, abs(change))
-            if largest <= scale * mpmath.mpf(10) ** -(0.6 * mpmath.mp.dps):
-                break
-        return found
-
-
 def _fractions(rational: Rational) -> tuple[list[Any], list[Any]]:
     """Poles r and weights w of Σ w e^(r²t) erfc(−r√t) in the current mpmath precision; coinciding poles are moved apart."""
     above, below, roots = rational()
     tiny = mpmath.mpf(10) ** (-mpmath.mp.dps // 2)
-    found = roots or _roots(below)
+    found = roots or mpmath.polyroots(below, maxsteps=100 + 4 * mpmath.mp.prec, extraprec=3 * mpmath.mp.prec)
     scale = max(abs(r) for r in found)
     if min([abs(r - q) for i, r in enumerate(found) for q in found[:i]], default=scale) <= scale * tiny:
         found = [r + scale * k * mpmath.mpf(10) ** (-mpmath.mp.dps // 5) for k, r in enumerate(found)]
