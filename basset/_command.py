@@ -51,6 +51,8 @@ codecs.register_error("basset.escaped", _escaped)
 class Commands(click.Group):
     """A group of commands: every failure is one sentence, and characters that the output's encoding lacks are escaped."""
 
+    sparing = ""  # what needs less memory
+
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Parse and run."""
         sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - None where the caller has closed it (`>&-`); it stays open to the end
@@ -64,16 +66,30 @@ class Commands(click.Group):
             _drop_output()
             sys.exit(Mistake.exit_code)
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """Parse."""
+        with stopping():
+            return super().make_context(*args, **kwargs)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
         try:
-            with printing():
+            with stopping(), printing():
                 return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("stopped: nothing is kept", err=True)
-            ctx.exit(INTERRUPTED)
         except EOFError as error:  # click would say "Aborted!"
             raise click.ClickException(f"a file ends too early: {error or 'nothing more can be read'}") from None
+        except MemoryError as error:
+            raise click.ClickException(f"memory is full: {error or 'nothing more can be had'}{self.sparing}") from None
+
+
+@contextlib.contextmanager
+def stopping() -> Iterator[None]:
+    """An interrupt ends the command with a sentence, where click would say "Aborted!"."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo("stopped: nothing is kept", err=True)
+        sys.exit(INTERRUPTED)
 
 
 def console(error: bool = False) -> Console:

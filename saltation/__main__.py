@@ -1,25 +1,11 @@
-"""`python -m saltation`: the commands without an installed script; an interrupt is one sentence from the first line on."""
+"""`python -m saltation`: the commands without an installed script."""
 
-import os
-import signal
-from typing import Any
-
-
-def leave(*_: Any) -> None:
-    """End at once: while modules are loaded there is nothing to clean up, and no handler for an exception."""
-    os.write(2, b"stopped: nothing is kept\n")
-    os._exit(130)
+from basset.__main__ import start
 
 
 def main() -> None:
-    """Load the commands and run one."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:
-        signal.signal(signal.SIGINT, leave)
-    from saltation import cli
-
-    signal.signal(signal.SIGINT, before)
-    cli.main(prog_name="saltation")
+    """The commands of saltation."""
+    start("saltation")
 
 
 if __name__ == "__main__":

@@ -74,6 +74,8 @@ OWN = {  # what the runs of a series differ in
 class Commands(_command.Commands):
     """The group; a bad scene is a mistake wherever it is met."""
 
+    sparing = "; longer steps make a shorter path, run.trajectory = false keeps none"
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
         try:

@@ -204,7 +204,8 @@ def test_a_scene_that_is_none_is_a_mistake_before_anything_is_compiled():
 
 
 @pytest.mark.parametrize(
-    ("error", "status", "sentence"), [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early")]
+    ("error", "status", "sentence"),
+    [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early"), (MemoryError, 1, "Error: memory is full")],
 )
 def test_a_command_that_is_stopped_says_a_sentence(monkeypatch, error, status, sentence):
     from click.testing import CliRunner
@@ -219,3 +220,41 @@ def test_a_command_that_is_stopped_says_a_sentence(monkeypatch, error, status, s
     assert done.exit_code == status
     assert done.stderr.startswith(sentence)
     assert "Aborted" not in done.output
+
+
+INTERRUPT = """
+import os, runpy, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == sys.argv[2]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in the background
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module(sys.argv[1], run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("package", "module"), [("basset", "click"), ("basset", "basset.cli"), ("saltation", "saltation.cli"), ("saltation", "saltation._files")]
+)
+def test_an_interrupt_while_modules_are_loaded_is_a_sentence(package, module):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPT, package, module], capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped: nothing is kept\n")
+
+
+def test_an_interrupt_while_words_are_parsed_is_a_sentence(monkeypatch):
+    from click import Group
+    from click.testing import CliRunner
+
+    from basset import cli
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Group, "make_context", stop)
+    done = CliRunner().invoke(cli.main, ["compare", "fresnel"])
+    assert (done.exit_code, done.stdout, done.stderr) == (130, "", "stopped: nothing is kept\n")

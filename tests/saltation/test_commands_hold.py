@@ -234,6 +234,15 @@ def test_an_interrupt_is_one_sentence(command, monkeypatch, tmp_path):
     assert (out.exit_code, out.stdout, out.stderr) == (130, "", "stopped: nothing is kept\n")
 
 
+def test_a_path_too_long_for_memory_is_one_sentence(monkeypatch):
+    def fill(*_):
+        raise MemoryError("Unable to allocate 608 GiB")
+
+    monkeypatch.setattr(saltation, "run", fill)
+    out = invoke(*SHORT)
+    assert (out.exit_code, out.stdout) == (1, "") and out.stderr.startswith("Error: memory is full") and "run.trajectory = false" in out.stderr
+
+
 # Arguments
 
 
