@@ -111,7 +111,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
             least = min(least, float(found.time))
         share = math.sqrt(share) / weight
         deep = "" if scene.channel.depth is not None else "; the depth is not given (channel.depth), and taken to be large"
-        return share, f"{share:.0%} of the submerged weight is what fluctuations change the drag by, in eddies that last {least:.2g} d/u* or more{deep}"
+        return share, f"{_multiple(share)} the submerged weight is what fluctuations change the drag by, in eddies that last {least:.2g} d/u* or more{deep}"
     built = module.build(options, setting)
     if name == "rotation":
         if built is None:
@@ -124,7 +124,12 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
         return 0.0, "no force in this form"
     forces = np.array([built.force(s) for s in met])
     share = float(np.sqrt((forces**2).sum(axis=1).mean())) / weight
-    return share, f"{share:.0%} of the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
+    return share, f"{_multiple(share)} the submerged weight in a jump {jump.height:.2g} d high at {jump.speed:.2g} V"
+
+
+def _multiple(share: float) -> str:
+    """A share in words: in per cent as long as these can be read."""
+    return f"{share:.0%} of" if share < 10.0 else f"{share:.2g} times"
 
 
 class Threshold(NamedTuple):

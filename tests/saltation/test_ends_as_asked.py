@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tracemalloc
 
 import numpy as np
@@ -265,6 +266,15 @@ def test_a_spin_cannot_lose_more_than_all_of_itself():
     made = scene_of(merged(case("sand"), {"effects": ["weight", "drag", "rotation"], "history": None, "grain": {"diameter": 1e-5}, "lift": None}))
     row = next(row for row in advice.advise(made) if row.effect == "rotation")
     assert row.share <= 1.0 and "%" not in row.reason
+
+
+@pytest.mark.parametrize("diameter", [1e-6, 1e-5, 1e-4, 0.69e-3])
+def test_no_share_is_said_in_thousands_of_per_cent(diameter):
+    """Drag on a small grain is 760 times its weight, not 76493 % of it."""
+    rows = advice.advise(scene_of(merged(case("sand"), {"grain": {"diameter": diameter}})))
+    shares = [float(share) for row in rows for share in re.findall(r"([\d.]+)%", row.reason)]
+    assert shares and max(shares) <= 1000.0
+    assert (" times the submerged weight" in rows[1].reason) == (rows[1].share >= 10.0)
 
 
 class TestStiff:
