@@ -181,7 +181,7 @@ def test_ragged_arrays_and_a_table(many):
     columns = [np.repeat([30, 10, 20], LENGTHS), 3600.0 * 1e3 * ds.time.values, *(ds[name].values for name in ("u", "v", "w", "uf", "vf", "wf"))]
     names = "particle;time (ms);" + ";".join(f"{name} (mm/s)" for name in ("u", "v", "w", "uf", "vf", "wf"))
     np.savetxt("table.csv", np.stack(columns, axis=1), fmt="%.17g", delimiter=";", header=names, comments="")
-    with tracks.opened(Path("table.csv"))() as table:
+    with tracks.files.opened(Path("table.csv"))() as table:
         cases = {"contiguous": (contiguous, [0, 1, 2]), "indexed": (indexed, [0, 1, 2]), "table": (table, [2, 0, 1])}
         for name, (given, order) in cases.items():
             found = tracks.history(given, **SPHERE)
