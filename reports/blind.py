@@ -40,6 +40,21 @@ def single_changes(data: Record) -> list[tuple[str, int, int]]:
     return sorted(found, key=lambda item: -item[1])
 
 
+def opening(data: Record) -> Record:
+    """What the test has come to."""
+    blind, best = rows_of(data, CHOSEN, 1), single_changes(data)
+    loads = [row["bed_load"]["rate"] / row["bed_load"]["wong_parker"] for row in blind]
+    most = [name for name, inside, _ in best if inside == best[0][1]]
+    return {
+        "inside": count(blind),
+        "thesis": count(rows_of(data, THESIS, 1)),
+        "points": len(QUANTITIES) * len(data["envelopes"]),
+        "load": f"{factor(min(loads))} to {factor(max(loads))}",
+        "best": listed([f"“{name}”" for name in most[:3]]) + (f" and {len(most) - 3} more" if len(most) > 3 else ""),
+        "best_inside": best[0][1],
+    }
+
+
 def laws(data: Record) -> str:
     """What the rule chose, by R_p and T; alike stages together."""
     lines: dict[tuple[int, str], list[float]] = {}
@@ -116,20 +131,16 @@ def draw_changes(data: Record) -> Any:
 def build(data: dict[str, Record]) -> str:
     """The page reports/blind.md."""
     own = data["blind"]
-    blind, before = rows_of(own, CHOSEN, 1), rows_of(own, THESIS, 1)
+    blind = rows_of(own, CHOSEN, 1)
     numbers = range(1, own["seeds"] + 1)
     seeds = [count(rows_of(own, CHOSEN, seed)) for seed in numbers]
     shaken = [count(rows) for seed in numbers if (rows := rows_of(own, TURBULENT, seed))]
-    loads = [[row["bed_load"]["rate"] / row["bed_load"]["wong_parker"] for row in rows] for rows in (blind, before)]
-    best = single_changes(own)
-    most = [name for name, inside, _ in best if inside == best[0][1]]
+    before = [row["bed_load"]["rate"] / row["bed_load"]["wong_parker"] for row in rows_of(own, THESIS, 1)]
     measured = own["provenance"]
     return fill(
         "blind.md",
         own=own,
-        points=len(QUANTITIES) * len(own["envelopes"]),
-        inside=count(blind),
-        thesis=count(before),
+        **opening(own),
         shaken=shaken[0] if shaken else "none counted yet",
         shaken_seeds=listed([str(inside) for inside in shaken]),
         turbulent=turbulent(own),
@@ -137,11 +148,8 @@ def build(data: dict[str, Record]) -> str:
         entrainment=ENTRAINMENT,
         seeds=listed([str(inside) for inside in seeds]),
         by_quantity=listed([f"{sum(name in row['inside'] for row in blind)} of {title.split()[0]}" for name, title in QUANTITIES.items()]),
-        load=f"{factor(min(loads[0]))} to {factor(max(loads[0]))}",
-        load_before=f"{factor(min(loads[1]))} to {factor(max(loads[1]))}",
-        best=listed([f"“{name}”" for name in most[:3]]) + (f" and {len(most) - 3} more" if len(most) > 3 else ""),
-        best_inside=best[0][1],
-        changes=len(best),
+        load_before=f"{factor(min(before))} to {factor(max(before))}",
+        changes=len(single_changes(own)),
         commit=measured["commit"],
         date=measured["date"][:10],
         laws=laws(own),
