@@ -137,12 +137,11 @@ def _of_number(law: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def _watching(event: Any) -> Any:
-    opened, located, place, at = eq.opened, eq.located, eq.PLACE, eq.VELOCITY
+    located, place, at = eq.compiled_located, eq.PLACE, eq.VELOCITY
 
     def watching(t, y, work, length, speed):
-        words, functions, numbers = opened(work)
-        located(t, y, words, functions, numbers, work, length, speed)
-        d = words[0]
+        located(t, y, work, length, speed)
+        d = len(y) // 2
         return event(t, work[place, :d].copy(), work[at, :d].copy())
 
     return compiler().njit(watching)
@@ -150,12 +149,11 @@ def _watching(event: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def _leaping(jump: Any) -> Any:
-    opened, located, place, at, fluid, out = eq.opened, eq.located, eq.PLACE, eq.VELOCITY, eq.FIELD, eq.RATES
+    located, place, at, fluid, out = eq.compiled_located, eq.PLACE, eq.VELOCITY, eq.FIELD, eq.RATES
 
     def leaping(t, y, work, length, speed):
-        words, functions, numbers = opened(work)
-        located(t, y, words, functions, numbers, work, length, speed)
-        d = words[0]
+        located(t, y, work, length, speed)
+        d = len(y) // 2
         after = jump(t, work[place, :d].copy(), work[at, :d].copy())
         for a in range(d):
             work[out, a] = y[a]

@@ -1,6 +1,5 @@
 """How long a glass sphere takes to its last speed in water, measured by Mordant & Pinton (2000): without the history force a third less, with it 0.9 of it."""
 
-import numba
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -10,7 +9,6 @@ SPHERE = {"diameter": 0.5e-3, "density_ratio": 2.56, "viscosity": 8.9e-7, "drag"
 SPEED, TIME = 0.0741, 0.055  # measured: last speed in m/s, and s to 95 per cent of it
 
 
-@numba.njit
 def still(t, x):
     """Water at rest."""
     return 0.0, 0.0, 0.0
