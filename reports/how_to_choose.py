@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+import basset
 from reports import flights, quadrature, solver
 from reports.site.page import Page, fill, footer
 from reports.words import Record, grouped, of, reaches, seconds, select, short
@@ -28,6 +33,18 @@ def measured(found: Record | None) -> dict[str, str]:
     return dict(zip(names, said, strict=True))
 
 
+def fewest(samples: list[Record]) -> float:
+    """Samples per oscillation from which on `Daitche(order=8)` errs no more than order 2."""
+    high, low = (select(samples, scheme=f"Daitche({order})") for order in (8, 2))
+    last = max(k for k, (one, other) in enumerate(zip(high, low, strict=True)) if one["error_max"] > other["error_max"])
+    return 2.0 * math.pi / float(high[last + 1]["h"])
+
+
+def noise(order: int) -> float:
+    """Standard deviation of H over that of independent errors of the samples, for a step of 1."""
+    return float(np.linalg.norm(basset.Daitche(order=order).weights(400, 1.0)))
+
+
 def how_to_choose(data: dict[str, Record]) -> str:
     """The page reports/how_to_choose.md."""
     samples = select(data["fresnel"]["records"], problem="fresnel_generic", clock=quadrature.CACHED)
@@ -39,7 +56,8 @@ def how_to_choose(data: dict[str, Record]) -> str:
     return fill(
         "how_to_choose.md",
         many=reaches(select(samples, scheme="Daitche(8)"), 1e-9),
-        few=reaches(select(samples, scheme="Daitche(2)"), 1e-3),
+        fewest=fewest(samples),
+        noise=noise(8) / noise(2),
         stream=select(data["stream"]["records"], scheme=STREAM)[-1],
         step=sum(calls[name] for name in ("tail", "local", "push")),
         own=solver.cheapest(of(own, problem="relaxing"), 1e-9),

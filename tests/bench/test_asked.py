@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from reports import choosing, flights, memory, quadrature, saltation, scenes, solver
+import basset
+from reports import choosing, flights, how_to_choose, memory, quadrature, scenes, solver
+from reports.saltation import envelope, impacts, ranks, records
 from reports.site.page import HERE, load
 from reports.words import of, select
 
@@ -23,6 +26,22 @@ def test_rules_keep_their_orders_and_their_floors(data):
         errors = [r["error_end"] for r in select(fresnel, scheme=scheme, clock="cached", problem="fresnel") if r["error_end"] is not None]
         below = [k for k, error in enumerate(errors) if error < 1e-12]
         assert not below or max(errors[below[0] :]) <= 1e-12
+
+
+def test_a_low_order_is_for_noise_and_kinks_and_not_for_few_samples(data):
+    """What README advises: five samples per oscillation, 0.6 of the noise; near a kink a third of the error, far from it the same."""
+    for problem in ("fresnel", "fresnel_generic"):
+        assert 5.0 < how_to_choose.fewest(select(data["fresnel"]["records"], problem=problem, clock="cached")) < 5.2
+    assert 0.55 < how_to_choose.noise(2) / how_to_choose.noise(8) < 0.65
+    dt, near, far = 1.0 / 400, {}, {}
+    t = dt * np.arange(401)
+    for order in (2, 8):
+        errors = []
+        for kink in 0.5 + dt * np.arange(8) / 8.0:  # at and between nodes
+            exact = 2.0 * kink * np.sqrt(t) - 4.0 / 3.0 * t**1.5 + 8.0 / 3.0 * np.maximum(t - kink, 0.0) ** 1.5
+            errors.append(np.abs(basset.cumulate(np.abs(t - kink), dt, basset.Daitche(order=order)) - exact))
+        near[order], far[order] = np.max(errors), np.max(np.array(errors)[:, 260:])
+    assert near[2] < near[8] / 3.0 and np.isclose(far[2], far[8], rtol=0.01)
 
 
 def test_weights_are_exact(data):
@@ -81,11 +100,11 @@ def test_collocation_reaches_every_error_of_a_mean_first(data):
 
 def test_jumps_are_the_prototypes_and_rise_with_the_stage(data):
     found = data["saltation"]
-    apart = [z for r in found["memory"]["records"] if (z := saltation.deviation(r)) is not None]
-    assert len(apart) > 20 and max(map(abs, apart)) <= saltation.KEPT_BY
-    for reynolds in saltation.SIZES:
-        assert all(saltation.rises(found, found["grid"]["shipped"], reynolds, quantity) for quantity in saltation.QUANTITIES)
-    assert max(saltation.slow_runs(found, "BC", 73.0)) < saltation.CREEP and max(saltation.slow_runs(found, "BC", 250.0, (2,))) < saltation.CREEP
+    apart = [z for r in found["memory"]["records"] if (z := impacts.deviation(r)) is not None]
+    assert len(apart) > 20 and max(map(abs, apart)) <= impacts.KEPT_BY
+    for reynolds in records.SIZES:
+        assert all(envelope.rises(found, found["grid"]["shipped"], reynolds, quantity) for quantity in records.QUANTITIES)
+    assert max(ranks.slow_runs(found, "BC", 73.0)) < ranks.CREEP and max(ranks.slow_runs(found, "BC", 250.0, (2,))) < ranks.CREEP
 
 
 def test_auto_is_as_a_full_ablation(data):
