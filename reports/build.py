@@ -83,6 +83,7 @@ def main(output: Path, check: bool) -> None:
     data |= old
     if output != HERE:
         shutil.copytree(HERE / "examples", output / "examples", ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)  # pages lead there
+        (output / "data").mkdir(exist_ok=True)  # and there
     with mpl.rc_context(LOOK), into(output):
         pages = [made(page, data, old) for page in PAGES if data.keys() & set(page.suites)]  # one without data is left out
         texts = {page.file: page.text for page in pages}

@@ -17,6 +17,7 @@ BLOCK = re.compile(r"`([\w/]+\.py)`(?:, in `(\w+)`)?:\n\n```python\n(.*?)```", r
 COMMAND = re.compile(r"^```\n(pytest .+?)\n```", re.M)
 
 
+FOLDERS = ("basset", "saltation", "bench", "reports", "tests")
 WORKED = [name for name, text in SECTIONS.items() if BLOCK.search(text)]
 
 
@@ -44,3 +45,9 @@ def test_the_worked_example_works(section, tmp_path):
 
 def test_every_kind_of_addition_has_an_example():
     assert {"Add a scheme", "Add an effect", "Add a problem"} == set(WORKED)
+
+
+def test_every_long_file_has_its_reason():
+    lines = {path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines()) for name in FOLDERS for path in (ROOT / name).rglob("*.py")}
+    named = re.findall(r"`([\w/]+/\w+\.py)`", SECTIONS["Long files"].split("| --- |")[1])
+    assert sorted(named) == sorted(name for name, length in lines.items() if length > 500)

@@ -11,7 +11,8 @@ from basset.streaming.following import FollowingPlan, accept, look_at, rest
 from basset.streaming.forgetting import JumpWindow
 
 DT, STEPS = 0.02, 160
-RULES = [basset.SCHEMES[name]() for name in basset.SCHEMES if name not in ("windowed", "hinsberg", "exponential", "semi_derivative")]
+FOUND = [scheme() for name, scheme in basset.SCHEMES.items() if name not in ("windowed", "semi_derivative")]
+RULES = [rule for rule in FOUND if rule.whole == rule]
 WINDOWED = [basset.Windowed(rule, window) for rule in RULES for window in (1.0, 0.62)]
 SHORT = [basset.Windowed(basset.Daitche(3), 0.08), basset.Windowed(basset.Brush(), 0.1)]
 JUMPS = (0, 3, 40, 43, 111)  # two of them closer than the newest samples reach
