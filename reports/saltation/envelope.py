@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -88,12 +87,6 @@ def over_speed(data: Record, name: str, reynolds: int) -> str:
     """By how many per cent the speeds lie above (−: below) the upper edge of the envelope."""
     rows = grid(data, name, reynolds)
     return span([100.0 * (row["velocity"]["mean"] / published(data, row)["envelope"]["velocity"][1] - 1.0) for row in rows])
-
-
-def rises(data: Record, name: str, reynolds: int, quantity: str) -> bool:
-    """Whether each stage's mean lies above that of the stage before."""
-    means = [row[quantity]["mean"] for row in grid(data, name, reynolds)]
-    return all(a is not None and b is not None and b > a for a, b in pairwise(means))
 
 
 def draw_envelope(found: Record) -> Any:
