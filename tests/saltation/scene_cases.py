@@ -15,6 +15,7 @@ import saltation
 from basset import _compile, reference
 from basset._compile import is_compiled
 from basset.solvers import stepper
+from basset.solvers._tables import StepTables
 from saltation.flight import collisions, contact, equations, fixed, loop
 from saltation.scene import scene_of
 from saltation.study.thesis import case
@@ -56,6 +57,8 @@ def interpreted() -> Iterator[None]:
             for name, value in list(vars(module).items()):
                 if is_compiled(value):
                     stack.enter_context(mock.patch.object(module, name, value.py_func))
+        # tables made here are kept by the process, and in this form would have all compiled anew
+        stack.enter_context(mock.patch.object(StepTables, "placed", property(StepTables.placed.func)))
         yield
 
 

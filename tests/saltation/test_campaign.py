@@ -54,11 +54,17 @@ def table(few):
         return campaign(few, executor)
 
 
-def test_the_same_table_on_any_number_of_workers(few, table, monkeypatch):
+@pytest.fixture(scope="module")
+def pool():
+    """Three processes: their tables of step sizes are empty at first, then those of what they flew before."""
+    with processes(3) as pool:
+        yield pool
+
+
+def test_the_same_table_on_any_number_of_workers(few, table, monkeypatch, pool):
     """Three: `table` is what one makes, two are tested where they are killed."""
     monkeypatch.setattr(campaigns, "CHUNK", 60)  # one scene at a time: the workers come in any order
-    with processes(3) as executor:
-        same(campaign(few, executor), table)
+    same(campaign(few, pool), table)
 
 
 def test_the_same_rows_in_any_order(few, table, monkeypatch):
@@ -209,15 +215,16 @@ def lives(process: int) -> bool:
         return False
 
 
-SEEDS = range(1, 9)
-COMMAND = [sys.executable, "-m", "saltation", "campaign", "sand", "--set", "run.jumps=2100", "--vary"]
+SEEDS, JUMPS = range(1, 9), 500
+ONE_AT_A_TIME = "from saltation.study import campaigns; campaigns.CHUNK = 60; from saltation.__main__ import main; main()"
+COMMAND = [sys.executable, "-c", ONE_AT_A_TIME, "campaign", "sand", "--set", f"run.jumps={JUMPS}", "--vary"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(saltation.__file__).parents[1])}
 
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    """What the command makes: a scene is more than half of what a worker gets at a time, so it gets one."""
-    return campaign([({"number": seed}, sand(seed=seed, jumps=2100)) for seed in SEEDS], ThreadPoolExecutor(1))
+    """What the command makes."""
+    return campaign([({"number": seed}, sand(seed=seed, jumps=JUMPS)) for seed in SEEDS], ThreadPoolExecutor(1))
 
 
 def results(folder: Path) -> int:
@@ -252,7 +259,7 @@ def stopped(folder: Path, seeds: Iterable[int], how: str, least: int, *options: 
 
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGINT"])
 def test_a_stopped_campaign_says_how_it_goes_on(tmp_path, how):
-    """From the command line, in the midst of what would last half a minute."""
+    """From the command line, in the midst of what would last several times as long."""
     folder, seeds = tmp_path / "stopped", range(1, 61)
     status, error = stopped(folder, seeds, how, 2, "--workers", "1")
     assert 2 <= results(folder) < len(seeds), error
@@ -280,7 +287,7 @@ def test_a_campaign_killed_again_and_again(tmp_path, undisturbed):
 def test_killed_workers_change_nothing(tmp_path, monkeypatch, undisturbed):
     """Four are killed at random times; the task in hand is done again by another."""
     monkeypatch.setattr(campaigns, "CHUNK", 60)
-    many = [({"number": seed}, sand(seed=seed, jumps=2100)) for seed in SEEDS]
+    many = [({"number": seed}, sand(seed=seed, jumps=JUMPS)) for seed in SEEDS]
     chance, killed = random.Random(1), []
 
     def kill(pool, over):
@@ -389,13 +396,6 @@ def test_results_need_names(labels, tmp_path):
     with pytest.raises(ValueError, match="results need a label 'name'"):
         campaign([({"name": "b"}, sand()), (labels, sand(seed=2))], results=tmp_path / "runs")
     assert not (tmp_path / "runs").exists()
-
-
-@pytest.fixture(scope="module")
-def pool():
-    """Two processes for blocks of grains and for whole clouds: their tables of step sizes are empty at first, then those of what they flew before."""
-    with processes(2) as pool:
-        yield pool
 
 
 def test_the_same_rows_of_clouds_from_processes(clouds, kept, tmp_path, pool):

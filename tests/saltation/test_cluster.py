@@ -20,7 +20,7 @@ def scenes():
     made = []
     for seed in range(1, 9):
         content = read("sand")
-        content["run"] |= {"jumps": 500, "seed": seed, "trajectory": False}
+        content["run"] |= {"jumps": 200, "seed": seed, "trajectory": False}
         made.append(({"name": f"grain{seed}"}, scene_of(content)))
     content = read("sand_cloud")
     content["effects"].remove("encounters")
