@@ -15,6 +15,7 @@ from saltation.cli import value_of
 from saltation.flight import setup as engine
 from saltation.front import warm
 from saltation.scene import SceneError, read, scene_of
+from saltation.scene.model import FINEST_STEPS
 from saltation.study import cases, checks
 from saltation.study import effects as advice
 from saltation.study.thesis import case
@@ -168,6 +169,8 @@ FIXED = {"solver": {"method": "fixed_step", "dt": 1e-3}}
     ({"history": {"kernel": "mei_adrian", "scheme": "daitche"}}, ("scheme = 'exponential'", "solver.method = 'fixed_step'")),
     (FIXED | {"history": {"kernel": "dorgan_loth", "scheme": "semi_derivative"}}, ("kernel = 'basset'", "scheme = 'daitche'")),
     (FIXED | {"history": {"kernel": "mei_adrian", "rtol": 1e-13}}, ("history.rtol", "at least")),
+    ({"history": {"kernel": "mei_adrian"}, "solver": {"rtol": 9e-9}}, ("solver.rtol", "1e-08 or greater", "mei_adrian")),
+    ({"history": {"kernel": "dorgan_loth"}, "solver": {"rtol": 1e-9}}, ("solver.rtol", "1e-07 or greater", "dorgan_loth")),
     ({"run": {"jumps": None, "discard": 0, "duration": 1e-300}}, ("run.duration", "1e-09")),
     ({"run": {"jumps": None, "discard": 0, "duration": 1e300}}, ("run.duration", "at most")),
     ({"run": {"jumps": 10**30}}, ("run.jumps", "1000000000")),
@@ -186,6 +189,17 @@ def test_check_refuses_what_a_run_would(changes, words):
         scene_of(content)
     text = str(caught.value)
     assert all(word in text for word in words) and "second" not in text and "\n" not in text, text
+
+
+@pytest.mark.parametrize("kernel", ["mei_adrian", "dorgan_loth"])
+def test_the_finest_tolerance_that_a_kernel_takes_is_kept(kernel):
+    """Against ten times as much, which its flights keep as well."""
+    finest = FINEST_STEPS[kernel]
+    run = {"jumps": 5, "discard": 0, "trajectory": False}
+    fine, coarse = (flown(scene("sand", history={"kernel": kernel}, solver={"rtol": rtol}, run=run)) for rtol in (finest, 10.0 * finest))
+    assert fine.status == coarse.status == "finished"
+    heights = fine.all_jumps["height"]
+    assert ((coarse.all_jumps["height"] - heights).abs() / heights.mean()).max() <= 11.0 * finest
 
 
 @pytest.mark.parametrize(("dt", "window"), [(0.03, 1.0), (0.007, 0.5), (0.011, 0.0777)])
