@@ -44,8 +44,8 @@ def reduced(arrows: Arrows) -> Iterable[tuple[str, str]]:
     def below(part: str) -> set[str]:
         return arrows[part].union(*(below(other) for other in arrows[part]))
 
-    for part, others in arrows.items():
-        yield from ((part, other) for other in others if not any(other in below(between) for between in others - {other}))
+    for part, others in sorted(arrows.items()):
+        yield from ((part, other) for other in sorted(others) if not any(other in below(between) for between in others - {other}))
 
 
 def draw(package: str, axes: plt.Axes) -> None:
@@ -58,7 +58,7 @@ def draw(package: str, axes: plt.Axes) -> None:
 
     arrows = {part: shown(part) for part in every if part not in helpers}
     rows: dict[int, list[str]] = {}
-    for part, floor in floors(arrows).items():
+    for part, floor in sorted(floors(arrows).items()):
         rows.setdefault(floor, []).append(part)
     drawn = list(reduced(arrows))
     place: dict[str, tuple[float, float]] = {}
