@@ -110,7 +110,7 @@ class Result:
 
     @property
     def rested(self) -> NDArray[np.bool_]:
-        """Which of `all_jumps` set out from a rest."""
+        """Which of `all_jumps` set out from a rest, dimensionless."""
         grain, start = self.all_jumps["grain"].to_numpy(), self.all_jumps["start"].to_numpy()
         ends = start + self.all_jumps["duration"].to_numpy()
         lay = (grain[1:] == grain[:-1]) & (start[1:] - ends[:-1] > 1e-9 * (1.0 + ends[:-1]))
