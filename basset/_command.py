@@ -164,8 +164,10 @@ def mistakes_of_files(option: str) -> Iterator[None]:
         raise Mistake(f"{option}: {name}cannot be used: {error.strerror or error}") from None
 
 
-def check_output(path: Path, force: bool) -> None:
-    """Refuse an output that cannot be written, before anything is computed."""
+def check_output(path: Path, force: bool, source: str | Path | None = None) -> None:
+    """Refuse an output that cannot be written, or is the source, before anything is computed."""
+    if source is not None and os.path.realpath(path) == os.path.realpath(source):
+        raise Mistake(f"--output must be another file than what is read, got {str(path)!r} for both")
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
     if is_stream(path):

@@ -181,7 +181,7 @@ def compare(
     if output is not None:
         if output.suffix not in (*PICTURES, ".csv"):
             raise Mistake(f"--output must end in {', '.join((*PICTURES, '.csv'))}, got {str(output)!r}")
-        check_output(output, force)
+        check_output(output, force, subject)
     chosen = subject_of(subject, kind, sample_step, variable, initial_slip, kernel_of(**options))
     records = []
     with progress("measuring") as report:
@@ -311,7 +311,7 @@ def history(
     **options: Any,
 ) -> None:
     """History force along stored TRACKS (.nc, .zarr, .csv) of many particles, and its share of the total; stopped at any time, the same command goes on."""
-    check_output(output, force)
+    check_output(output, force, source)
     diameter, viscosity = options["diameter"], options["viscosity"]
     if diameter is None:
         raise Mistake("--diameter (m) must be given")

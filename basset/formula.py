@@ -92,7 +92,7 @@ class FormulaKernel(Kernel):
     near : {"inverse_sqrt", "bounded"}
         How K begins: √s K(s), or K(s), has a finite limit as s → 0.
     derivative : callable or None
-        d function/dx in the same form. None: by differences, good to about 1e-13, or refused where K changes faster than they can see.
+        d function/dx in the same form. None: by differences, good to about 1e-13 for a smooth function, or refused where those over two widths disagree.
         Needed for slip samples only.
     time_scale : float, seconds
         τ, greater than 0.

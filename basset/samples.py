@@ -39,6 +39,7 @@ NAME = re.compile(r"(?:t|time|times)(?:\s*(?:[\[(]\s*(?P<bracket>[^\])]*?)\s*[\]
 TIMELY = re.compile(r"time|date|clock|elapsed|(milli|micro|nano)?sec(ond)?s?\b|minutes?\b|hours?\b|days?\b", re.IGNORECASE)  # a name that may be of times
 GAPS = {"na", "n/a", "#n/a", "<na>", "null", "none", "nil", "missing"}  # words where a number is missing; NaN is a number
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}  # in this order: commas may be in numbers
+METRES = {"": 1.0, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3}
 UNWRITTEN = {"f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "i4": -2147483647}  # netCDF's own fill values
 
 
@@ -186,6 +187,18 @@ def _unit(path: Path, name: str, units: str | None) -> float:
 def _seconds(word: str) -> float | None:
     """Seconds in a unit; None for what is none of time. Only whole words may be capital: Ms are megaseconds."""
     return UNITS.get(word.lower() if len(word) > 3 else word)
+
+
+def metres(words: str, per_second: bool) -> float | None:
+    """m, or m/s, in a unit of length or speed, 1 without any; None for what is none.
+
+    >>> metres("cm s-1", True), metres("km", False), metres("knots", True)
+    (0.01, 1000.0, None)
+    """
+    length = re.sub(r"\s*(?:/\s*s|[ .*]\s*s\s*(?:\^|\*\*)?-1)$", "", words) if per_second else words
+    if words == "1":
+        return 1.0
+    return None if per_second and length == words != "" else METRES.get(length)
 
 
 def _is_time(name: str) -> bool:

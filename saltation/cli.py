@@ -175,7 +175,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     if folder is not None:
         check_folder(folder)
     elif output is not None:
-        check_output(output, force)
+        check_output(output, force, scene)
     with stoppable(folder), mistakes_of_files("--output"):
         if made.effects == AUTO:
             with shown("choosing effects", quiet) as report:
@@ -354,7 +354,7 @@ def compare(
     clock is late, `zero` how many metres its zero of heights lies below the bed.
     """
     if output is not None:
-        check_table_or_picture(output, force)
+        check_table_or_picture(output, force, record)
     if start is not None and contact is not None:
         raise Mistake("--from and --contact exclude each other: the one follows from the other by the flight of the scene")
     made, fit = scene_of(changed(read(scene), changes)), dict(map(range_of, fields))
@@ -397,11 +397,11 @@ def noise_of(errors: Sequence[str]) -> float | dict[str, float] | None:
     return found.get("", found) if found else None
 
 
-def check_table_or_picture(output: Path, force: bool) -> None:
+def check_table_or_picture(output: Path, force: bool, source: str | Path | None = None) -> None:
     """Refuse an output that is neither, or cannot be written."""
     if output.suffix not in (".csv", ".png", ".pdf", ".svg"):
         raise Mistake(f"--output must end in .csv, .png, .pdf or .svg, got {str(output)!r}")
-    check_output(output, force)
+    check_output(output, force, source)
 
 
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from basset import _validate
+from basset import _validate, samples
 from basset.kernels import Floats
 
 AXES = ("time", "x", "y", "z")
 MARGIN = 1e-10  # of the width: what starts on the edge is inside, and times may round
+UNWRITTEN = 9e36  # netCDF's own fill value is greater
+ROUND = 0.1  # how much shorter or longer the last spacing of a period may be: otherwise the period is a rounded or a wrong one
 FEWEST = 4  # points of an axis, for cubic pieces
 
 
@@ -71,7 +74,7 @@ class Flow:
         ----------
         ds : xarray.Dataset
             Velocities in m/s over the dimensions x, y (and z) in m and, if the flow changes, time in s (datetimes: seconds since the first), in any order, four
-            points or more along each, rising.
+            points or more along each, rising. Other units in their attributes are heeded.
         components : sequence of str, one per dimension of space
             Names of the variables along x, y (and z). For a grid without z the third name is not used.
         periodic : mapping of str to float, or None; m (time: s)
@@ -97,6 +100,8 @@ class Flow:
         """
         if not hasattr(ds, "data_vars"):
             raise TypeError(f"ds must be an xarray.Dataset, got {_validate.shown(ds)}")
+        if not np.iterable(components):
+            raise TypeError(f"components must be names of variables, got {_validate.shown(components)}")
         names = [components] if isinstance(components, str) else list(components)
         space = [name for name in AXES[1:] if name in ds.dims]
         if space not in (["x", "y"], ["x", "y", "z"]):
@@ -108,6 +113,8 @@ class Flow:
             raise ValueError(f"components must be variables of the dataset ({', '.join(map(str, ds.data_vars))}), got {missing[0]!r}")
         if len(names) != len(space):
             raise ValueError(f"components must be one for each of the dimensions x, y (and z) of the dataset, got {names} over {space}")
+        if not isinstance(periodic or {}, Mapping):
+            raise TypeError(f"periodic must be a mapping of dimensions to periods, got {_validate.shown(periodic)}")
         spans = dict(periodic or {})
         for name in spans:
             _validate.choice("periodic", name, [axis for axis in AXES if axis in ds.dims])
@@ -117,12 +124,13 @@ class Flow:
             if odd:
                 raise ValueError(f"{variable} must have the dimensions time, x, y, z alone, got {odd[0]!r}; rename it, or select one of its entries")
         for variable in names:
-            missed = int((~np.isfinite(_validate.real_array(variable, ds[variable].values))).sum())
+            missed = int((~(np.abs(_validate.real_array(variable, ds[variable].values)) < UNWRITTEN)).sum())
             if missed:
                 raise ValueError(f"{variable} must have no missing values, got {missed} that are not finite: {_validate.FILL}")
         import xarray
 
         values: Floats = np.stack([one.transpose(*used).values.astype(np.float64) for one in xarray.broadcast(*(ds[variable] for variable in names))], axis=-1)
+        values *= [_unit(ds, variable, per_second=True) for variable in names]
         axes: list[tuple[Floats, float]] = []
         for number, name in enumerate(AXES):
             if name not in used:
@@ -201,7 +209,7 @@ class Flow:
         """All of it, as rows of `_equation.fields`."""
         from basset.particles import _grid  # loads the compiler
 
-        time, places = _validate.number("t", t, "a time in seconds"), np.asarray(x, dtype=np.float64)
+        time, places = _validate.number("t", t, "a time in seconds"), _validate.real_array("x", x)
         if places.ndim not in (1, 2) or places.shape[-1] != self.dimensions:
             raise ValueError(f"x must have {self.dimensions} components, got shape {places.shape}")
         flat = places.reshape(-1, self.dimensions)
@@ -225,12 +233,23 @@ def _spline(points: Floats, values: Floats, axis: int, period: float) -> tuple[F
     return points[0] + spacing * np.arange(-3, count + 4), np.moveaxis(centred[np.arange(-1, count + 2) % count], 0, axis)
 
 
+def _unit(ds: Any, name: str, per_second: bool) -> float:
+    """m, or m/s, in the unit of a variable."""
+    words = str(ds[name].attrs.get("units", "")).strip()
+    found = samples.metres(words, per_second)
+    if found is None:
+        raise ValueError(f"{name} must be in {'m/s, mm/s, cm/s or km/s' if per_second else 'm, mm, cm or km'}, got the unit {words!r}")
+    return found
+
+
 def _points(ds: Any, name: str) -> Floats:
     """The places along a dimension, checked."""
     if name not in ds.coords:
         raise ValueError(f"the dataset must have coordinates along {name}, got none")
     given = ds[name].values
     points = _validate.real_array(name, (given - given[0]) / np.timedelta64(1, "s") if given.dtype.kind in "mM" else given)
+    if given.dtype.kind not in "mM":
+        points *= samples._unit(Path("the dataset"), name, ds[name].attrs.get("units")) if name == "time" else _unit(ds, name, per_second=False)
     if not (np.isfinite(points).all() and (np.diff(points) > 0.0).all()):
         raise ValueError(f"{name} must be finite and rise from point to point, got {_validate.shown(points)}")
     return points
@@ -246,6 +265,8 @@ def _closed(name: str, points: Floats, values: Floats, axis: int, given: float) 
         if apart > 1e-6 * np.abs(values).max():
             raise ValueError(f"values a period apart along {name} must be equal, got a difference of {apart:.3g} m/s")
         points, values = points[:-1], np.delete(values, -1, axis)
-    elif span > period:
-        raise ValueError(f"periodic[{name!r}] must be the length of the grid with its last spacing, {span:g} or greater, got {period:g}")
+    elif not ROUND * np.diff(points).min() <= period - span <= np.diff(points).max() / ROUND:
+        raise ValueError(
+            f"periodic[{name!r}] must be the length of the grid, {span:.9g}, or that with its last spacing, which is like the others, got {period:.9g}"
+        )
     return np.append(points, points[0] + period), np.concatenate([values, first], axis), period

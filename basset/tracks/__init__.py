@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from basset import _validate
 from basset.kernels import BassetKernel, Kernel
 from basset.tracks.files import write
 from basset.tracks.forces import Particle
@@ -82,8 +83,10 @@ def history(
 
     Notes
     -----
-    H at a sample is computed from what came before: at the second and third of a track its order is lower. Times that are uniform up to the rounding of
-    single precision are taken as uniform. A degree of latitude has 1852·60 m. Drag and added mass are those of a solid sphere, whatever the kernel.
+    H at a sample is computed from what came before: at the second and third of a track its order is lower. Where a step is more than 2000 times as
+    long as one beside it, H is that of polynomials through w instead of dw/dt, so that errors of samples are not magnified. Times that are uniform up
+    to the rounding of single precision are taken as uniform. A degree of latitude has 1852·60 m. Drag and added mass are those of a solid sphere,
+    whatever the kernel.
 
     References
     ----------
@@ -101,6 +104,8 @@ def history(
     >>> bool(abs(found.history_force[-1, 0] / expected - 1.0) < 1e-6)
     True
     """
+    if not hasattr(ds, "data_vars"):
+        raise TypeError(f"ds must be an xarray.Dataset, got {_validate.shown(ds)}")
     particle = Particle(diameter, viscosity, density, density_ratio, kernel, order, rtol, drag, before, gaps)
     tracks = Tracks(ds, {"slip": slip, "velocity": velocity, "fluid": fluid, "position": position, "time": time})
     return tracks.history(ds, 0, len(tracks), particle, particle.plan(*tracks.steps(ds, 0, len(tracks))))

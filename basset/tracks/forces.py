@@ -17,6 +17,7 @@ from basset.streaming.uneven import Planned, planned
 from basset.weights._slopes import rates
 from basset.weights.uneven import HIGHEST
 
+ABRUPT = 2000.0  # ratio of steps beside each other: slopes magnify errors of samples by as much
 TOGETHER = 32  # tracks with the same times: their terms stay in the cache
 
 
@@ -121,18 +122,25 @@ def forces(found: Samples, particle: Particle, plan: Planned) -> tuple[Floats, F
     for pieces in _alike(found.times, found.bounds):
         begins, ends = found.bounds[pieces], found.bounds[pieces + 1]
         times = found.times[begins[0] : ends[0]] - found.times[begins[0]]
-        together = np.zeros((len(times), len(pieces), rate.shape[1]))
+        by_slips = _abrupt(times)
+        samples, together = found.slip if by_slips else rate, np.zeros((len(times), len(pieces), rate.shape[1]))
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
-            together[: high - low, k] = rate[low:high]
+            together[: high - low, k] = samples[low:high]
         columns = together.reshape(len(times), -1)
         integrals, terms = np.zeros_like(columns), np.zeros((columns.shape[1], len(plan.tail)))
-        plan.advance(particle.order, False, times, columns, 1, 0, start[pieces].ravel(), terms, integrals)
+        plan.advance(particle.order, by_slips, times, columns, 1, 0, start[pieces].ravel(), terms, integrals)
         integrals = integrals.reshape(together.shape)
         for k, (low, high) in enumerate(zip(begins, ends, strict=True)):
             memory[low:high] = integrals[: high - low, k]
     with np.errstate(invalid="ignore"):
         memory[found.bounds[:-1]] = np.where(start == 0.0, 0.0, start * particle.kernel(0.0))
     return particle.forces(found.slip, rate, fluid, memory)
+
+
+def _abrupt(times: Floats) -> bool:
+    """Whether slopes would magnify errors of samples: H then comes from the slips themselves."""
+    steps = np.diff(times)
+    return bool((np.maximum(steps[1:], steps[:-1]) > ABRUPT * np.minimum(steps[1:], steps[:-1])).any())
 
 
 def _alike(times: Floats, bounds: Any) -> Iterator[Any]:

@@ -13,15 +13,14 @@ import numpy as np
 
 from basset import _validate, samples
 from basset.kernels import Floats
+from basset.particles.flow import UNWRITTEN
 from basset.streaming.uneven import Planned
 from basset.tracks.forces import Particle, Samples, forces, slopes
 
 if TYPE_CHECKING:
     import xarray
 
-METRES = {"": 1.0, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3}
 DEGREE = 1852.0 * 60.0  # m of a degree of latitude, as Parcels has it
-UNWRITTEN = 9e36  # netCDF's own fill value is greater
 IDS = ("trajectory", "particle", "track", "traj", "id", "trajectory_id", "particle_id", "track_id")
 OBSERVATIONS = ("obs", "observation", "observations", "sample", "samples")
 COMPONENTS = ("component", "components", "direction", "space", "xyz")  # dimensions of vectors
@@ -171,6 +170,8 @@ class Tracks:
         fluid = self.values(part, "fluid") if "fluid" in self.roles else None
         moved = self.values(part, next(iter(self.roles)))
         whole = moved if fluid is None else moved + fluid
+        if (endless := np.isinf(whole).any(axis=1)).any():
+            raise ValueError(f"velocities must be finite, or NaN where they are missing, got an infinite one in track {whose[int(np.argmax(endless))]}")
         places = np.flatnonzero(np.isfinite(times) & np.isfinite(whole).all(axis=1))
         if len(places) < len(times):
             times, whose, moved, fluid = times[places], whose[places], moved[places], None if fluid is None else fluid[places]
@@ -248,7 +249,7 @@ def _evened(times: Floats, bounds: Any, kind: Any, unit: float) -> Floats:
 def _known(values: Any) -> Floats:
     """As float64, NaN where netCDF says that nothing was written."""
     made: Floats = values.astype(np.float64)
-    made[np.abs(made) > UNWRITTEN] = np.nan
+    made[(np.abs(made) > UNWRITTEN) & np.isfinite(made)] = np.nan
     return made
 
 
@@ -308,6 +309,8 @@ def _roles(ds: xarray.Dataset, given: dict[str, list[str]]) -> dict[str, list[Co
 
 def _listed(role: str, names: Any) -> list[str]:
     """Names from a word, a text with commas or a sequence."""
+    if not (names is None or isinstance(names, str) or np.iterable(names)):
+        raise TypeError(f"{role} must name one to three variables, got {_validate.shown(names)}")
     listed = [] if names is None else [word.strip() for word in names.split(",")] if isinstance(names, str) else list(names)
     if len(listed) > 3 or (names is not None and not listed):
         raise ValueError(f"{role} must name one to three variables, got {_validate.shown(names)}")
@@ -351,10 +354,8 @@ def _unit(ds: xarray.Dataset, role: str, name: str) -> float:
     words = str(ds[name].attrs.get("units", "")).strip()
     if role == "position" and words.startswith("degree"):
         return DEGREE
-    length = words if role == "position" else re.sub(r"\s*(?:/\s*s|[ .*]\s*s\s*(?:\^|\*\*)?-1)$", "", words)
-    if words == "1":
-        return 1.0
-    if length not in METRES or (role != "position" and length == words != ""):
+    found = samples.metres(words, per_second=role != "position")
+    if found is None:
         raise ValueError(f"{name!r} must be in {'m, mm, cm, km or degrees' if role == 'position' else 'm/s, mm/s, cm/s or km/s'}, got the unit {words!r}")
     down = role == "position" and ds[name].attrs.get("positive") == "down"
-    return -METRES[length] if down else METRES[length]
+    return -found if down else found

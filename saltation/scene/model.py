@@ -394,6 +394,9 @@ class SceneBase(Table):
         if coupling.form == "two_way":
             if self.bed is None:
                 raise ValueError("coupling = 'two_way' needs a [bed]: grains leave there the momentum that they take from the stream")
+            most = self.grain.diameter**-2
+            if (coupling.grains or 0.0) > most:
+                raise ValueError(f"coupling.grains must be {most:.3g} 1/m2 or less, one for each d² of the bed, got {coupling.grains:g}: check its unit")
             if self.cloud is not None and coupling.grains is not None:
                 raise ValueError("coupling.grains is for a single grain: the table [cloud] says how many there are per area")
             if self.cloud is not None and coupling.excess:

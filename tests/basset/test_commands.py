@@ -210,6 +210,10 @@ BAD = {
     "problem and kernel": (("compare", "growth", "--kernel", "mei_adrian", "--slip", 1, "--diameter", 1), "--kernel must be basset for a named problem"),
     "output kind": (("compare", "growth", "--output", "a.txt"), "--output must end in .png, .pdf, .svg, .csv"),
     "output folder": (("compare", "growth", "--output", "no/a.png"), "the folder 'no' does not exist"),
+    "output read": (
+        ("compare", "timed.csv", "--output", "./timed.csv", "--force"),
+        "--output must be another file than what is read, got 'timed.csv' for both",
+    ),
     "output there": (("weights", "brush", "--steps", 3, "--output", "timed.csv"), "exists already; --force overwrites it"),
     "file missing": (("compare", "no.npy"), "FILE: 'no.npy' cannot be used"),
     "no times": (("compare", "single.npy"), "must hold times"),

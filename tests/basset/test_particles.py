@@ -329,6 +329,20 @@ def waves(t, x):
     return np.stack([np.sin(x[0]) * np.cos(x[1]), -np.cos(x[0]) * np.sin(x[1])])
 
 
+def test_units_of_a_grid_are_heeded():
+    def velocity(t, x):
+        return np.stack([x[1] * t, -x[0] + t])
+
+    axes = np.linspace(0.0, 3.0, 4), np.linspace(0.0, 1.0, 5), np.linspace(-1.0, 1.0, 6)
+    plain = grid(velocity, *axes)
+    ds = grid(velocity, *axes)
+    for name, factor, unit in (("u", 1e3, "mm/s"), ("v", 1e2, "cm s-1"), ("x", 1e3, "mm"), ("y", 1e-3, "km"), ("time", 1.0 / 60.0, "minutes since 2000-01-01")):
+        ds[name] = (ds[name] * factor).assign_attrs(units=unit)
+    one, other = Flow.from_dataset(plain), Flow.from_dataset(ds)
+    assert np.allclose(other(0.7, [0.3, 0.4]), one(0.7, [0.3, 0.4]), rtol=1e-12)
+    assert np.allclose(other.gradient(0.7, [0.3, 0.4]), one.gradient(0.7, [0.3, 0.4]), rtol=1e-10, atol=1e-12)
+
+
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_periodic_grid_converges_with_the_fourth_power_and_has_no_seam(closed):
     errors = []
@@ -482,6 +496,13 @@ def test_bad_input_is_one_sentence(changed, says):
         (FLOWING, {"periodic": {"z": 1.0}}, "periodic must be one of 'x', 'y'"),
         (FLOWING, {"periodic": {"x": 1.0}}, "values a period apart along x must be equal"),
         (FLOWING, {"periodic": {"x": 0.5}}, "must be the length of the grid"),
+        (FLOWING, {"periodic": {"x": 1.00001}}, "must be the length of the grid, 1, or that with its last spacing, which is like the others, got 1.00001"),
+        (FLOWING, {"periodic": {"x": 360.0}}, "which is like the others, got 360"),
+        (FLOWING, {"periodic": ["x"]}, "periodic must be a mapping"),
+        (FLOWING, {"components": None}, "components must be names of variables, got None"),
+        (FLOWING.where(FLOWING.x > 0.3, 9.96921e36), {}, "u must have no missing values"),
+        (FLOWING.assign_coords(x=("x", FLOWING.x.values, {"units": "degrees_east"})), {}, "x must be in m, mm, cm or km, got the unit 'degrees_east'"),
+        (FLOWING.assign(u=FLOWING.u.assign_attrs(units="knots")), {}, "u must be in m/s, mm/s, cm/s or km/s, got the unit 'knots'"),
     ],
 )
 def test_a_grid_that_is_none_is_refused_in_one_sentence(ds, options, says):

@@ -53,6 +53,16 @@ def test_polynomial_slips_are_met_to_the_promise_at_any_times():
     assert (np.abs(H - exact) <= RTOL * exact + 1e-14).all()
 
 
+@pytest.mark.parametrize("gap", [1e-5, 1e-9])
+def test_errors_of_samples_that_nearly_coincide_are_not_magnified(gap):
+    """As where two records are merged: an error of 1e-4 of one sample of a pair is a jump and back, whose memory fades."""
+    t = np.linspace(0.0, 4.0, 41)
+    pair = np.sort(np.append(t, 2.0 + gap))
+    slip = np.cos(pair)
+    slip[21] += 1e-4
+    assert abs(integral(one(pair, slip))[-1, 0] - integral(one(t, np.cos(t)))[-1, 0]) < 1e-4
+
+
 def test_a_sine_is_met_to_the_promise_and_to_the_order():
     errors = []
     for n, rtol in ((100, 1e-13), (200, 1e-13), (2000, RTOL)):
@@ -283,6 +293,7 @@ def test_mistakes_are_one_sentence(many):
     one(np.arange(3.0), np.zeros(3)).assign(slip=("obs", np.zeros(3), {"units": "knots"})).to_netcdf("knots.nc", engine="scipy")
     one(np.arange(3.0), np.zeros(3), "fortnights").to_netcdf("fortnights.nc", engine="scipy")
     one(np.arange(3.0), np.zeros(3)).drop_vars("time").to_netcdf("timeless.nc", engine="scipy")
+    one(np.arange(3.0), np.array([0.0, math.inf, 2.0])).to_netcdf("endless.nc", engine="scipy")
     Path("words.csv").write_text("time,slip\n0.0,much\n1.0,little\n")
     Path("words.nc").write_text("no netCDF")
     Path("four.nc").write_bytes(b"\x89HDF\r\n\x1a\n")
@@ -302,6 +313,7 @@ def test_mistakes_are_one_sentence(many):
         ("places.nc",): "must have velocities of particle and fluid",
         ("back.nc",): "times must rise along every track, got 1 s after 2 s in track 0",
         ("knots.nc",): "must be in m/s",
+        ("endless.nc", "--gaps", "bridge"): "velocities must be finite, or NaN where they are missing, got an infinite one in track 0",
         ("fortnights.nc",): "fortnights",
         ("timeless.nc",): "must have one variable of times",
         ("words.csv",): "words.csv",
@@ -309,6 +321,13 @@ def test_mistakes_are_one_sentence(many):
         ("four.nc",): "the package netCDF4 or h5netcdf must be installed",
         ("rows.zarr",): "the package zarr must be installed",
     }
+    with pytest.raises(TypeError, match=r"ds must be an xarray\.Dataset, got 3"):
+        tracks.history(3, **STEADY)
+    with pytest.raises(TypeError, match="slip must name one to three variables, got 3"):
+        tracks.history(one(np.arange(3.0), np.zeros(3)), **STEADY, slip=3)
+    before = Path("rows.nc").read_bytes()
+    same = run("rows.nc", "--output", "./rows.nc", "--force", *OPTIONS)
+    assert same.exit_code == 2 and "--output must be another file than what is read" in same.output and Path("rows.nc").read_bytes() == before
     for words, said in cases.items():
         made = run(words[0], "--output", "out.nc", *OPTIONS, *words[1:])
         assert made.exit_code == 2, (words, made.output)

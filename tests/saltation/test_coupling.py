@@ -256,6 +256,7 @@ def test_a_layer_of_grains_makes_the_bed_rougher():
         ({"coupling": "roughness", "channel": {"profile": "reichardt"}}, "can be rougher, one of swamee, yalin, constant_b"),
         ({"coupling": {"form": "roughness", "excess": 0.1}}, "coupling.excess belongs to form = 'two_way'"),
         ({"coupling": {"grains": 1e5, "excess": 0.1}}, "excess and grains exclude each other"),
+        ({"coupling": {"grains": 1e12}}, "coupling.grains must be 2.1e+06 1/m2 or less, one for each d² of the bed, got 1e+12"),
         ({"coupling": {"excess": 2.0}}, "coupling.excess must be 1 or less"),
         ({"coupling": "two_way", "channel": None}, "needs a [channel]"),
         ({"coupling": "two_way", "bed": None, "run": {"jumps": None, "discard": 0, "duration": 1.0}}, "needs a [bed]"),
