@@ -14,6 +14,10 @@ from hypothesis import settings
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# small matrices: threads of BLAS wait for each other on cores that other tests keep busy, a quarter of the time of a fit
+for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
 settings.register_profile("repeatable", max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("sweep", max_examples=1000, deadline=None)
 settings.load_profile("repeatable")
