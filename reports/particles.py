@@ -37,8 +37,8 @@ def peer(data: Record) -> str:
     one, many = (min(r[key] for r in ours) for key in ("seconds", "each_of_many"))
     return (
         f"marge3d takes {seconds(best['seconds'])} for its best accuracy on its own vortex problem, {short(best['error'], 1)}; "
-        f"one call of `maxey_riley` is as good in {seconds(one)}, {factor(found['ratio_one'])} times less, "
-        f"and each of many particles in {seconds(many)}, {factor(found['ratio_many'])} times less."
+        f"one call of `maxey_riley` {seconds(one)}, {factor(found['ratio_one'])} times less, "
+        f"each of many {seconds(many)}, {factor(found['ratio_many'])} times less."
     )
 
 
