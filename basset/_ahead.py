@@ -19,12 +19,10 @@ from basset.streaming import LONG_WINDOW
 from basset.tracks import history
 
 
-def _make_decay(digest: str) -> Callable[..., Any]:
-    def decay(t: float, y: Any) -> Any:
-        digest  # noqa: B018 - part of the cache key
-        return -y
-
-    return decay
+@compiled()
+def decay(t: float, y: Any) -> Any:
+    """A compiled fun."""
+    return -y
 
 
 def streams() -> None:
@@ -58,7 +56,7 @@ def python_functions() -> None:
 
 def compiled_functions() -> None:
     """The collocation of a compiled fun."""
-    solve(compiled(_make_decay), (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4))
+    solve(decay, (0.0, 1.0), [1.0], memory=[0], coefficient=1.0, method=Collocation(rtol=1e-4))
 
 
 def spheres() -> None:

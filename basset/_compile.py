@@ -1,8 +1,8 @@
 """The only file, with `_places` and `_pipeline`, that knows numba: compiled functions that survive on disk until a source file changes.
 
-numba's disk cache keys a function by its own file and misses edits in what it imports. Every compiled function here is
-made by a factory that closes over the digest of the sources of its package and of basset: the digest is part of numba's
-key, so any edit is a miss and everything else a hit. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python on NumPy arrays.
+numba's disk cache keys a function by its own file and misses edits in what it imports. Every compiled function here has the
+digest of the sources of its package and of basset in its name, which is part of numba's key: any edit is a miss, everything
+else a hit. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python on NumPy arrays.
 
 numba takes a second to import: it is loaded when a compiled function is first called, not when one is defined.
 """
@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 from types import FunctionType
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar
 
 from basset._files import replacing
 
@@ -341,19 +341,14 @@ class Compiled:
         return getattr(self._made(), name)
 
 
-def compiled(factory: Callable[[str], Function], *, reassociate: bool = False, allocates: bool = True, usually: str = "some seconds") -> Function:
-    """The compiled form of `factory(digest)`; the function made must mention the digest in its body.
+def compiled(*, reassociate: bool = False, allocates: bool = True, usually: str = "some seconds") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator for a function that is compiled when it is first called.
 
     `reassociate` lets the compiler reorder sums (never the meaning of NaN or infinity): for reductions only. A loop that
     makes no arrays of its own says so with allocates=False and is spared counting references: a third of its time.
     `usually` says how long compiling takes, for messages.
     """
-    return cast(Function, Compiled(partial(_compiled, factory, reassociate, allocates, usually), factory.__module__))
-
-
-def _compiled(factory: Callable[[str], Any], reassociate: bool, allocates: bool, usually: str) -> Any:
-    plain: Any = factory(digest_of(factory.__module__.split(".")[0]))
-    return _made(plain, reassociate, allocates, usually)
+    return lambda plain: Compiled(partial(_made, plain, reassociate, allocates, usually), plain.__module__)
 
 
 def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:

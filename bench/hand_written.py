@@ -8,7 +8,6 @@ states by name instead of an array, one drag law, one roughness, one rebound, no
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -335,95 +334,89 @@ def for_flight(case, y, likely):
     return Case(c.alpha, c.along, c.normal, c.drag, c.reynolds, bed[0], bed[1], bed[2], scale * c.tolerance, c.floor, c.profile, c.slope)
 
 
-def _make_fly(digest: str) -> Callable[..., Any]:
-    def fly(case, nodes, room, y, jumps):
-        """Fly len(jumps) jumps from y = (x, z, slip along, slip up): the steps taken, 0 if it failed. Rows: duration, length, rise."""
-        digest  # noqa: B018 - part of the cache key
-        c, regular, rise, v, before, path, last = nodes.c, nodes.regular, nodes.rise, room.v, room.before, room.path, room.last
-        count, weights = len(c), nodes.integral[len(c) - 1]
-        time, start, x, bottom, top, step, past, diagonal = 0.0, 0.0, y[0], y[1], y[1], FIRST, 0.0, 0.0
-        smooth, known, fresh, near = False, False, True, False
-        steps, impacts, done = 0, 0, 0
-        whole, launched = case, y[3]
-        case = for_flight(whole, y, math.inf)
-        while done < len(jumps):
-            h, error = 0.0, math.inf
-            while not error <= 1.0:
-                slot = math.ceil(LADDER * math.log2(SPAN / min(step, SPAN)) - 1e-9)
-                h = SPAN * 2.0 ** (-slot / LADDER)
-                if h < case.floor:
-                    return 0
-                iterations = -1
-                for trial in range(2):
-                    if not known or trial == 1:
-                        diagonal, known = stiffness(case, y), True
-                    iterations = solve(case, nodes, room, y, h, past if smooth else 0.0, diagonal)
-                    if abs(iterations) > 8:
-                        known = False
-                    if iterations > 0:
-                        break
-                error = error_of(case, nodes, room, y, h, smooth) if iterations > 0 else math.inf
-                if not error <= 1.0:
-                    step = h * max(0.1, 0.8 * error ** (-1.0 / count)) if math.isfinite(error) else 0.25 * h
-            for a in range(4):
-                for d in range(count + 1):
-                    total = 0.0
-                    for k in range(count):
-                        total += rise[d, k] * v[a, k]
-                    path[a, d] = h * total
-            theta, near = 2.0, y[1] < HIGHEST
-            for i in range(count):
-                near = near or room.z[i] < HIGHEST
-            if near:
-                theta = contact(case, path, y, uniforms(case.seed, 0, impacts)[0], fresh)
-            top = top_of(path, y, min(theta, 1.0), top)
-            steps += 1
-            fresh = False
-            if theta > 1.0:
-                for a in range(4):
-                    gain = 0.0
-                    for k in range(count):
-                        gain += weights[k] * v[a, k]
-                        total = 0.0
-                        for m in range(count):
-                            total += regular[k, m] * v[a, m]
-                        before[a, k] = total
-                    last[a] = v[a, count - 1]
-                    y[a] += h * gain
-                time += h
-                past, smooth = h, True
-                step = h * min(2.0, max(0.3, 0.9 * max(error, 1e-10) ** (-1.0 / (count + 1))))
-                continue
-            end, height, slip, w = at(path, y, theta, 0), at(path, y, theta, 1), at(path, y, theta, 2), at(path, y, theta, 3)
-            time += h * theta
-            velocity = stream(case, height)[0]
-            u = slip + velocity
-            for _ in range(1000):
-                angle = tilt(u, w, uniforms(case.seed, 0, impacts)[0])
-                impacts += 1
-                along, up = -math.sin(angle), math.cos(angle)
-                if u < 0.0:
-                    along = -along
-                speed = u * along + w * up
-                if speed >= 0.0:
-                    continue
-                gain, loss = -(1.0 + case.restitution) * speed, 1.0 - case.retention
-                u, w = u + (gain * along - loss * (u - speed * along)), w + (gain * up - loss * (w - speed * up))
-                if w > 0.0:
+@compiled(allocates=False)
+def fly(case, nodes, room, y, jumps):
+    """Fly len(jumps) jumps from y = (x, z, slip along, slip up): the steps taken, 0 if it failed. Rows: duration, length, rise."""
+    c, regular, rise, v, before, path, last = nodes.c, nodes.regular, nodes.rise, room.v, room.before, room.path, room.last
+    count, weights = len(c), nodes.integral[len(c) - 1]
+    time, start, x, bottom, top, step, past, diagonal = 0.0, 0.0, y[0], y[1], y[1], FIRST, 0.0, 0.0
+    smooth, known, fresh, near = False, False, True, False
+    steps, impacts, done = 0, 0, 0
+    whole, launched = case, y[3]
+    case = for_flight(whole, y, math.inf)
+    while done < len(jumps):
+        h, error = 0.0, math.inf
+        while not error <= 1.0:
+            slot = math.ceil(LADDER * math.log2(SPAN / min(step, SPAN)) - 1e-9)
+            h = SPAN * 2.0 ** (-slot / LADDER)
+            if h < case.floor:
+                return 0
+            iterations = -1
+            for trial in range(2):
+                if not known or trial == 1:
+                    diagonal, known = stiffness(case, y), True
+                iterations = solve(case, nodes, room, y, h, past if smooth else 0.0, diagonal)
+                if abs(iterations) > 8:
+                    known = False
+                if iterations > 0:
                     break
-            jumps[done, 0], jumps[done, 1], jumps[done, 2] = time - start, end - x, top - bottom
-            done += 1
-            step = max(case.floor, min(FIRST, 0.5 * (time - start)))
-            y[0], y[1], y[2], y[3] = end, height, u - velocity, w
-            case, launched = for_flight(whole, y, (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))), w
-            start, x, bottom, top = time, end, height, height
-            smooth, known, fresh = False, False, True
-        return steps
-
-    return fly
-
-
-fly = compiled(_make_fly, allocates=False)
+            error = error_of(case, nodes, room, y, h, smooth) if iterations > 0 else math.inf
+            if not error <= 1.0:
+                step = h * max(0.1, 0.8 * error ** (-1.0 / count)) if math.isfinite(error) else 0.25 * h
+        for a in range(4):
+            for d in range(count + 1):
+                total = 0.0
+                for k in range(count):
+                    total += rise[d, k] * v[a, k]
+                path[a, d] = h * total
+        theta, near = 2.0, y[1] < HIGHEST
+        for i in range(count):
+            near = near or room.z[i] < HIGHEST
+        if near:
+            theta = contact(case, path, y, uniforms(case.seed, 0, impacts)[0], fresh)
+        top = top_of(path, y, min(theta, 1.0), top)
+        steps += 1
+        fresh = False
+        if theta > 1.0:
+            for a in range(4):
+                gain = 0.0
+                for k in range(count):
+                    gain += weights[k] * v[a, k]
+                    total = 0.0
+                    for m in range(count):
+                        total += regular[k, m] * v[a, m]
+                    before[a, k] = total
+                last[a] = v[a, count - 1]
+                y[a] += h * gain
+            time += h
+            past, smooth = h, True
+            step = h * min(2.0, max(0.3, 0.9 * max(error, 1e-10) ** (-1.0 / (count + 1))))
+            continue
+        end, height, slip, w = at(path, y, theta, 0), at(path, y, theta, 1), at(path, y, theta, 2), at(path, y, theta, 3)
+        time += h * theta
+        velocity = stream(case, height)[0]
+        u = slip + velocity
+        for _ in range(1000):
+            angle = tilt(u, w, uniforms(case.seed, 0, impacts)[0])
+            impacts += 1
+            along, up = -math.sin(angle), math.cos(angle)
+            if u < 0.0:
+                along = -along
+            speed = u * along + w * up
+            if speed >= 0.0:
+                continue
+            gain, loss = -(1.0 + case.restitution) * speed, 1.0 - case.retention
+            u, w = u + (gain * along - loss * (u - speed * along)), w + (gain * up - loss * (w - speed * up))
+            if w > 0.0:
+                break
+        jumps[done, 0], jumps[done, 1], jumps[done, 2] = time - start, end - x, top - bottom
+        done += 1
+        step = max(case.floor, min(FIRST, 0.5 * (time - start)))
+        y[0], y[1], y[2], y[3] = end, height, u - velocity, w
+        case, launched = for_flight(whole, y, (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))), w
+        start, x, bottom, top = time, end, height, height
+        smooth, known, fresh = False, False, True
+    return steps
 
 
 def case_of(engine: Any) -> Case:

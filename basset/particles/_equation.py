@@ -12,7 +12,6 @@ What is given by users is called by its address: nothing here is compiled anew f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -261,17 +260,10 @@ def motion(t: float, y: Any, words: Any, functions: Any, numbers: Any, scratch: 
     return scratch[RATES, : 2 * d]
 
 
-def _make_compiled_motion(digest: str) -> Callable[..., Any]:
-    def compiled_motion(t, y, work, length, speed):
-        """`motion` as the solver takes it."""
-        digest  # noqa: B018 - part of the cache key
-        words, functions, numbers = opened(work)
-        return motion(t, y, words, functions, numbers, work, length, speed)
-
-    return compiled_motion
-
-
-compiled_motion = compiled(_make_compiled_motion, usually="some 5 s")
+def motion_of(t, y, work, length, speed):
+    """`motion` as the solver takes it."""
+    words, functions, numbers = opened(work)
+    return motion(t, y, words, functions, numbers, work, length, speed)
 
 
 @shared
@@ -288,17 +280,10 @@ def located(t: float, y: Any, words: Any, functions: Any, numbers: Any, scratch:
         scratch[VELOCITY, a] = scratch[FIELD, a] + speed * y[d + a]
 
 
-def _make_compiled_located(digest: str) -> Callable[..., Any]:
-    def compiled_located(t, y, work, length, speed):
-        """`located` for events that are not compiled."""
-        digest  # noqa: B018 - part of the cache key
-        words, functions, numbers = opened(work)
-        located(t, y, words, functions, numbers, work, length, speed)
-
-    return compiled_located
-
-
-compiled_located = compiled(_make_compiled_located)
+def located_of(t, y, work, length, speed):
+    """`located` for events that are not compiled."""
+    words, functions, numbers = opened(work)
+    located(t, y, words, functions, numbers, work, length, speed)
 
 
 @shared
@@ -310,65 +295,45 @@ def within(t: float, y: Any, words: Any, length: float) -> float:
     return nearest
 
 
-def _make_compiled_within(digest: str) -> Callable[..., Any]:
-    def compiled_within(t, y, work, length, speed):
-        """`within` as the solver takes it."""
-        digest  # noqa: B018 - part of the cache key
-        words, _, _ = opened(work)
-        return within(t, y, words, length)
-
-    return compiled_within
+@compiled()
+def compiled_within(t, y, work, length, speed):
+    """`within` as the solver takes it."""
+    words, _, _ = opened(work)
+    return within(t, y, words, length)
 
 
-compiled_within = compiled(_make_compiled_within)
+def fields_of(times: Any, places: Any, work: Any, out: Any) -> None:
+    """u, ∇u and Du/Dt at many points: rows of `out`, laid out as scratch[FIELD]."""
+    words, functions, numbers = opened(work)
+    for k in range(len(places)):
+        for a in range(places.shape[1]):
+            work[PLACE, a] = places[k, a]
+        field(times[k], words, functions, numbers, work)
+        for i in range(MATERIAL_AT + 3):
+            out[k, i] = work[FIELD, i]
 
 
-def _make_fields(digest: str) -> Callable[..., Any]:
-    def fields(times, places, work, out):
-        """u, ∇u and Du/Dt at many points: rows of `out`, laid out as scratch[FIELD]."""
-        digest  # noqa: B018 - part of the cache key
-        words, functions, numbers = opened(work)
-        for k in range(len(places)):
-            for a in range(places.shape[1]):
-                work[PLACE, a] = places[k, a]
-            field(times[k], words, functions, numbers, work)
-            for i in range(MATERIAL_AT + 3):
-                out[k, i] = work[FIELD, i]
-
-    return fields
-
-
-fields = compiled(_make_fields, usually="some 5 s")
-
-
-def _make_forces(digest: str) -> Callable[..., Any]:
-    def forces(times, places, slips, histories, work, mass, velocities, out):
-        """Velocities (particle, time, component) and forces (kind, particle, time, component), N, from `histories`, what H adds to dv/dt; `mass` of fluid."""
-        digest  # noqa: B018 - part of the cache key
-        words, functions, numbers = opened(work)
-        scratch, d = work, words[DIMENSIONS]
-        ratio, added = numbers[DENSITY_RATIO], numbers[ADDED_MASS]
-        for p in range(places.shape[0]):
-            for k in range(places.shape[1]):
-                if math.isnan(places[p, k, 0]):
-                    continue
-                for a in range(d):
-                    scratch[PLACE, a], scratch[VELOCITY, a] = places[p, k, a], slips[p, k, a]
-                rate = forced(times[k], words, functions, numbers, scratch)
-                for a in range(d):
-                    w, fluid = slips[p, k, a], scratch[FIELD, MATERIAL_AT + a]
-                    weight, drag, side = (ratio - 1.0) * numbers[GRAVITY + a], -rate * w, scratch[FORCE, a]
-                    acceleration = ((1.0 + added) * fluid + weight + drag + side) / (ratio + added) + histories[p, k, a]
-                    velocities[p, k, a] = scratch[FIELD, a] + w
-                    out[0, p, k, a], out[1, p, k, a] = mass * weight, mass * drag
-                    out[2, p, k, a], out[3, p, k, a] = mass * added * (fluid - acceleration), mass * fluid
-                    out[4, p, k, a], out[5, p, k, a] = mass * side, mass * (ratio + added) * histories[p, k, a]
-
-    return forces
+def forces_of(times: Any, places: Any, slips: Any, histories: Any, work: Any, mass: float, velocities: Any, out: Any) -> None:
+    """Velocities (particle, time, component) and forces (kind, particle, time, component), N, from `histories`, what H adds to dv/dt; `mass` of fluid."""
+    words, functions, numbers = opened(work)
+    scratch, d = work, words[DIMENSIONS]
+    ratio, added = numbers[DENSITY_RATIO], numbers[ADDED_MASS]
+    for p in range(places.shape[0]):
+        for k in range(places.shape[1]):
+            if math.isnan(places[p, k, 0]):
+                continue
+            for a in range(d):
+                scratch[PLACE, a], scratch[VELOCITY, a] = places[p, k, a], slips[p, k, a]
+            rate = forced(times[k], words, functions, numbers, scratch)
+            for a in range(d):
+                w, fluid = slips[p, k, a], scratch[FIELD, MATERIAL_AT + a]
+                weight, drag, side = (ratio - 1.0) * numbers[GRAVITY + a], -rate * w, scratch[FORCE, a]
+                acceleration = ((1.0 + added) * fluid + weight + drag + side) / (ratio + added) + histories[p, k, a]
+                velocities[p, k, a] = scratch[FIELD, a] + w
+                out[0, p, k, a], out[1, p, k, a] = mass * weight, mass * drag
+                out[2, p, k, a], out[3, p, k, a] = mass * added * (fluid - acceleration), mass * fluid
+                out[4, p, k, a], out[5, p, k, a] = mass * side, mass * (ratio + added) * histories[p, k, a]
 
 
-forces = compiled(_make_forces, usually="some 5 s")
-
-
-# as they stand, for functions that are not compiled
-plain_motion, plain_located, plain_fields, plain_forces = (make("") for make in (_make_compiled_motion, _make_compiled_located, _make_fields, _make_forces))
+compiled_motion, fields, forces = (compiled(usually="some 5 s")(plain) for plain in (motion_of, fields_of, forces_of))  # these are used as they stand, too
+compiled_located = compiled()(located_of)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -78,80 +78,74 @@ def leap_into(record: Any, columns: Any, j: int, begun: int, at: int, a: int) ->
     return total
 
 
-def _make_sample(digest: str) -> Callable[..., Any]:
-    def sample(fun, p, record, columns, wanted, at_once, root, states, histories, row, first, last):
-        """States and histories of systems from number `first` up to `last`, whose steps are the record, at the wanted times up to their ends.
+@compiled(allocates=False, usually="some 2 s")
+def sample(fun, p, record, columns, wanted, at_once, root, states, histories, row, first, last):
+    """States and histories of systems from number `first` up to `last`, whose steps are the record, at the wanted times up to their ends.
 
-        `at_once`, `root`: `Swarm.begins`.
-        """
-        digest  # noqa: B018 - part of the cache key
-        n, members, polynomial, stop = columns.y0.shape[1], histories.shape[2], p.work.polynomial, 0
-        for j in range(first, last):
-            begun, stop, end = stop, columns.steps[j], columns.time[j]
-            if columns.codes[j] not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+    `at_once`, `root`: `Swarm.begins`.
+    """
+    n, members, polynomial, stop = columns.y0.shape[1], histories.shape[2], p.work.polynomial, 0
+    for j in range(first, last):
+        begun, stop, end = stop, columns.steps[j], columns.time[j]
+        if columns.codes[j] not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+            continue
+        set_arguments(columns, j)
+        k, fitted = begun - 1, -1
+        for i in range(len(wanted)):
+            t = wanted[i]
+            if t > end:
+                break
+            while k + 1 < stop and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
+                k += 1
+            while k > begun and record.share[k] == 0.0:
+                k -= 1
+            at, theta = k, 0.0
+            if k >= begun:
+                theta = min(max((t - record.start[k]) / record.size[k], 0.0), record.share[k])
+                if theta == 0.0 and k > begun and record.leapt[k - 1] == 0.0:  # the end of the step before
+                    at, theta = k - 1, record.share[k - 1]
+            if at >= begun and fitted != at:
+                stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
+                fitted = at
+            for a in range(n):
+                if at < begun:
+                    row[0, a] = columns.y0[j, a]
+                elif t >= end:
+                    row[0, a] = columns.y[j, a]
+                elif theta == 0.0:
+                    row[0, a] = record.y[at, a]
+                else:
+                    row[0, a] = stepper.at(polynomial, record.y[at], int(record.kind[at]), theta, a)
+                states[j, i, a] = row[0, a]
+            for a in range(members):
+                histories[j, i, a] = 0.0
+            if at_once == 0.0 or at < begun:
                 continue
-            set_arguments(columns, j)
-            k, fitted = begun - 1, -1
-            for i in range(len(wanted)):
-                t = wanted[i]
-                if t > end:
-                    break
-                while k + 1 < stop and record.start[k + 1] <= t and not (t >= end and record.share[k + 1] == 0.0):
-                    k += 1
-                while k > begun and record.share[k] == 0.0:
-                    k -= 1
-                at, theta = k, 0.0
-                if k >= begun:
-                    theta = min(max((t - record.start[k]) / record.size[k], 0.0), record.share[k])
-                    if theta == 0.0 and k > begun and record.leapt[k - 1] == 0.0:  # the end of the step before
-                        at, theta = k - 1, record.share[k - 1]
-                if at >= begun and fitted != at:
-                    stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
-                    fitted = at
-                for a in range(n):
-                    if at < begun:
-                        row[0, a] = columns.y0[j, a]
-                    elif t >= end:
-                        row[0, a] = columns.y[j, a]
-                    elif theta == 0.0:
-                        row[0, a] = record.y[at, a]
-                    else:
-                        row[0, a] = stepper.at(polynomial, record.y[at], int(record.kind[at]), theta, a)
-                    states[j, i, a] = row[0, a]
-                for a in range(members):
-                    histories[j, i, a] = 0.0
-                if at_once == 0.0 or at < begun:
-                    continue
-                behind, into = theta == 0.0, at  # a jump: what there was before, and what it adds
-                if behind and at > begun:
+            behind, into = theta == 0.0, at  # a jump: what there was before, and what it adds
+            if behind and at > begun:
+                at -= 1
+                while at > begun and record.share[at] == 0.0:
                     at -= 1
-                    while at > begun and record.share[at] == 0.0:
-                        at -= 1
-                    theta = record.share[at]
-                    stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
-                    fitted = at
-                    for a in range(n):
-                        row[0, a] = record.before[at, a]
+                theta = record.share[at]
+                stepper.fit_polynomial(p.nodes, int(record.kind[at]), record.size[at], record.values[at], polynomial)
+                fitted = at
+                for a in range(n):
+                    row[0, a] = record.before[at, a]
+            if theta > 0.0:
+                call(fun, t, row, 0, row, 1, row)
+            kind, h, left = int(record.kind[at]), record.size[at], 1.0
+            for stage in range(len(p.nodes.c)):
+                left *= 1.0 - math.sqrt(theta / p.nodes.c[stage])
+            for a in range(members):
+                b = n - members + a
                 if theta > 0.0:
-                    call(fun, t, row, 0, row, 1, row)
-                kind, h, left = int(record.kind[at]), record.size[at], 1.0
-                for stage in range(len(p.nodes.c)):
-                    left *= 1.0 - math.sqrt(theta / p.nodes.c[stage])
-                for a in range(members):
-                    b = n - members + a
-                    if theta > 0.0:
-                        histories[j, i, a] = slope_at(polynomial, kind, h, theta, b) - row[1, b]
-                        if kind == 1:  # dy/d√θ at the start is known, and would be divided by √θ
-                            known = -root * leap_into(record, columns, j, begun, at, a) / math.sqrt(h * theta)
-                            histories[j, i, a] += left * (known - slope_at(polynomial, 1, h, TINY, b) * math.sqrt(TINY / theta))
-                    leap = leap_into(record, columns, j, begun, into, a) if behind else 0.0
-                    if leap != 0.0:
-                        histories[j, i, a] -= at_once * leap
-
-    return sample
-
-
-sample = compiled(_make_sample, allocates=False, usually="some 2 s")
+                    histories[j, i, a] = slope_at(polynomial, kind, h, theta, b) - row[1, b]
+                    if kind == 1:  # dy/d√θ at the start is known, and would be divided by √θ
+                        known = -root * leap_into(record, columns, j, begun, at, a) / math.sqrt(h * theta)
+                        histories[j, i, a] += left * (known - slope_at(polynomial, 1, h, TINY, b) * math.sqrt(TINY / theta))
+                leap = leap_into(record, columns, j, begun, into, a) if behind else 0.0
+                if leap != 0.0:
+                    histories[j, i, a] -= at_once * leap
 
 
 @dataclass

@@ -40,7 +40,7 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
     work = sources.own[0]
     velocities = np.full_like(places, np.nan)
     forces = np.full((len(eq.KINDS), *places.shape), np.nan)
-    (eq.forces if sources.fast else eq.plain_forces)(paths.times, places, slips, paths.histories * speed, work, mass, velocities, forces)
+    (eq.forces if sources.fast else eq.forces_of)(paths.times, places, slips, paths.histories * speed, work, mass, velocities, forces)
     acting = [k for k, kind in enumerate(eq.KINDS) if not ((kind == "lift" and sources.lift is None) or (kind == "history" and not history))]
     path = ("particle", "time", "component")
 
@@ -65,7 +65,7 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
         times = np.array([seen.time[k] for k in kept_ones])
         where, slip = states[:, :d] * swarm.scales[whose, :1], states[:, d:] * swarm.scales[whose, 1:]
         found = np.zeros((len(whose), eq.MATERIAL_AT + 3))
-        (eq.fields if sources.fast else eq.plain_fields)(times, where, work, found)
+        (eq.fields if sources.fast else eq.fields_of)(times, where, work, found)
         one = ("occurrence",)
         fields |= {
             "event_time": variable(one, times, "s", "when it happened"),

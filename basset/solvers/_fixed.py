@@ -7,7 +7,6 @@ is called after every step, asks for it. `fun` and `look` are called by `basset.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -508,47 +507,41 @@ def diverges(state, rates):
     return numbers[GROWN] >= IN_A_ROW and abs(swing[0, worst]) > SHARE * largest_before
 
 
-def _make_steps(digest: str) -> Callable[..., Any]:
-    def steps(parts: Parts, stop: int) -> int:
-        """Steps up to node `stop`, or until something needs the caller: END, or why."""
-        digest  # noqa: B018 - part of the cache key
-        grid, state, record, signal, remembers = parts.grid, parts.state, parts.record, parts.signal, len(parts.equation.where) > 0
-        numbers = state.numbers
-        while numbers[NODE] < stop:
-            begins = numbers[KNOWN] == 1.0 and len(grid.plain) > 1
-            room = parts.together if begins else parts.alone
-            count = len(room.known)
-            if int(numbers[DONE]) + count > len(record.times):
-                return FULL
-            if remembers and not begins:
-                look_ahead(parts.stream, room.tail)
-            if grid.kind == HELD:
-                code = ACCEPTED if hold(parts, room) else NOT_FINITE
+@compiled(allocates=False, usually="some 10 s")
+def steps(parts: Parts, stop: int) -> int:
+    """Steps up to node `stop`, or until something needs the caller: END, or why."""
+    grid, state, record, signal, remembers = parts.grid, parts.state, parts.record, parts.signal, len(parts.equation.where) > 0
+    numbers = state.numbers
+    while numbers[NODE] < stop:
+        begins = numbers[KNOWN] == 1.0 and len(grid.plain) > 1
+        room = parts.together if begins else parts.alone
+        count = len(room.known)
+        if int(numbers[DONE]) + count > len(record.times):
+            return FULL
+        if remembers and not begins:
+            look_ahead(parts.stream, room.tail)
+        if grid.kind == HELD:
+            code = ACCEPTED if hold(parts, room) else NOT_FINITE
+        else:
+            if begins:
+                several_nodes(parts, room)
             else:
-                if begins:
-                    several_nodes(parts, room)
-                else:
-                    one_node(parts, room)
-                code = newton(parts, room)
-            if code != ACCEPTED:
-                return code
-            for j in range(count):
-                if remembers and begins:
-                    look_ahead(parts.stream, room.tail)
-                advance(parts, room, j)
-                row = int(numbers[DONE]) - 1
-                if grid.limited == 1 and diverges(state, record.rates[row]) and grid.dt * largest(state.swing[0]) > UNRESOLVED * max(1.0, largest(state.y)):
-                    return DIVERGED
-                if parts.looking == 1:
-                    call(parts.look, record.times[row], signal, 0, signal, 0, signal)
-                    if int(signal[0, 0]) != ACCEPTED:
-                        return int(signal[0, 0])
-        return END
-
-    return steps
-
-
-steps = compiled(_make_steps, allocates=False, usually="some 10 s")
+                one_node(parts, room)
+            code = newton(parts, room)
+        if code != ACCEPTED:
+            return code
+        for j in range(count):
+            if remembers and begins:
+                look_ahead(parts.stream, room.tail)
+            advance(parts, room, j)
+            row = int(numbers[DONE]) - 1
+            if grid.limited == 1 and diverges(state, record.rates[row]) and grid.dt * largest(state.swing[0]) > UNRESOLVED * max(1.0, largest(state.y)):
+                return DIVERGED
+            if parts.looking == 1:
+                call(parts.look, record.times[row], signal, 0, signal, 0, signal)
+                if int(signal[0, 0]) != ACCEPTED:
+                    return int(signal[0, 0])
+    return END
 
 
 class Look(NamedTuple):

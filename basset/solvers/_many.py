@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -48,54 +48,50 @@ def set_arguments(columns: Columns, j: int) -> None:
             columns.tables[k, a] = columns.arguments[j, a]
 
 
-def _make_march_many(digest: str) -> Callable[..., Any]:
-    def march_many(attempt, watch, watching, p, motion, found, start, most, record, columns, suspects, first):
-        """Solve systems from number `first` on, each from `start`, until the record is full: the number of the first one that is not done.
+@compiled(allocates=False, usually="some 5 s")
+def march_many(attempt, watch, watching, p, motion, found, start, most, record, columns, suspects, first):
+    """Solve systems from number `first` on, each from `start`, until the record is full: the number of the first one that is not done.
 
-        Where a system needs more than steps and events its code says so: nothing of it is recorded. With `suspects` a suspicion that
-        fun jumps is no reason to stop: the error is controlled without it.
-        """
-        digest  # noqa: B018 - part of the cache key
-        state, control, problem = p.state, p.state.control[0], p.problem
-        done, j = 0, first
-        while j < len(columns.codes):
-            begun, logged = done, found.logged[0]
-            set_arguments(columns, j)
-            state.control[0] = start[0]
-            for a in range(len(state.y)):
-                state.y[a], state.rate[a] = columns.y0[j, a], 0.0
-            for a in range(len(motion.held)):
-                motion.held[a] = False
-            for a in range(len(problem.where)):
-                state.jump[a] = columns.slip[j, a]
-                problem.strength[a] = motion.coefficient[a] = columns.coefficient[j, a]
-                for q in range(state.past.shape[1]):
-                    state.past[a, q] = 0.0
-            events.forget(found)
-            code = stepper.FULL
-            while code in (stepper.FULL, stepper.ACCEPTED) or (suspects and code == stepper.SUSPECT):
-                if done >= len(record.start) or found.logged[0] > most:
-                    if begun == 0:  # too long for the record
-                        code = BEGUN
-                        break
-                    found.logged[0] = logged
-                    return j
-                code, taken = stepper.advance(attempt, watch, watching, p, record, done)
-                if taken:
-                    done += 1
-            columns.codes[j], columns.calls[j] = code, control.calls
-            if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
-                done, found.logged[0] = begun, logged
-            columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], control.time
-            for a in range(len(state.y)):
-                columns.y[j, a] = state.y[a]
-            j += 1
-        return j
-
-    return march_many
+    Where a system needs more than steps and events its code says so: nothing of it is recorded. With `suspects` a suspicion that
+    fun jumps is no reason to stop: the error is controlled without it.
+    """
+    state, control, problem = p.state, p.state.control[0], p.problem
+    done, j = 0, first
+    while j < len(columns.codes):
+        begun, logged = done, found.logged[0]
+        set_arguments(columns, j)
+        state.control[0] = start[0]
+        for a in range(len(state.y)):
+            state.y[a], state.rate[a] = columns.y0[j, a], 0.0
+        for a in range(len(motion.held)):
+            motion.held[a] = False
+        for a in range(len(problem.where)):
+            state.jump[a] = columns.slip[j, a]
+            problem.strength[a] = motion.coefficient[a] = columns.coefficient[j, a]
+            for q in range(state.past.shape[1]):
+                state.past[a, q] = 0.0
+        events.forget(found)
+        code = stepper.FULL
+        while code in (stepper.FULL, stepper.ACCEPTED) or (suspects and code == stepper.SUSPECT):
+            if done >= len(record.start) or found.logged[0] > most:
+                if begun == 0:  # too long for the record
+                    code = BEGUN
+                    break
+                found.logged[0] = logged
+                return j
+            code, taken = stepper.advance(attempt, watch, watching, p, record, done)
+            if taken:
+                done += 1
+        columns.codes[j], columns.calls[j] = code, control.calls
+        if code not in (stepper.END, stepper.STOPPED, stepper.AT_REST):
+            done, found.logged[0] = begun, logged
+        columns.steps[j], columns.logged[j], columns.time[j] = done, found.logged[0], control.time
+        for a in range(len(state.y)):
+            columns.y[j, a] = state.y[a]
+        j += 1
+    return j
 
 
-march_many = compiled(_make_march_many, allocates=False, usually="some 5 s")
 STATUS = {stepper.END: 0, stepper.STOPPED: 1, stepper.AT_REST: 2}
 
 

@@ -12,7 +12,6 @@ Collocation at Radau points: Hairer and Wanner (1996), Solving Ordinary Differen
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -1110,27 +1109,21 @@ def advance(attempt: Any, watch: Any, watching: bool, p: Parts, record: Record, 
     return code, taken
 
 
-def _make_march(digest: str) -> Callable[..., Any]:
-    def march(attempt, watch, watching, p, logged, most, record, recording):
-        """Take steps until something needs the caller; (code, steps recorded).
+@compiled(allocates=False, usually="some 5 s")
+def march(attempt, watch, watching, p, logged, most, record, recording):
+    """Take steps until something needs the caller; (code, steps recorded).
 
-        `watching`: something may cut them, by events of which no more than `most` may be logged before a step. Without `recording` the
-        record's first place is overwritten.
-        """
-        digest  # noqa: B018 - part of the cache key
-        done = 0
-        while done < len(record.start) and logged[0] <= most:
-            code, taken = advance(attempt, watch, watching, p, record, done)
-            if taken and recording:
-                done += 1
-            if code not in (ACCEPTED, FULL):
-                return code, done
-        return FULL, done
-
-    return march
-
-
-march = compiled(_make_march, allocates=False, usually="some 5 s")
+    `watching`: something may cut them, by events of which no more than `most` may be logged before a step. Without `recording` the
+    record's first place is overwritten.
+    """
+    done = 0
+    while done < len(record.start) and logged[0] <= most:
+        code, taken = advance(attempt, watch, watching, p, record, done)
+        if taken and recording:
+            done += 1
+        if code not in (ACCEPTED, FULL):
+            return code, done
+    return FULL, done
 
 
 def workspace(stages: int, states: int, diagonal: bool = False) -> Workspace:

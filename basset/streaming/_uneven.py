@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -26,65 +24,53 @@ def series(z):
     return kept, cubic
 
 
-def _make_decays(digest: str) -> Callable[..., Any]:
-    def decays(weights, rates, step, own, total):
-        """Of each term over a step: weight × moments ∫ e^(−λs) (s/step)^m ds, m = 0 … 3, e^(−z) and 1 − e^(−z) into `own`, z = λ·step; sums into `total`.
+@compiled(reassociate=True, allocates=False)
+def decays(weights, rates, step, own, total):
+    """Of each term over a step: weight × moments ∫ e^(−λs) (s/step)^m ds, m = 0 … 3, e^(−z) and 1 − e^(−z) into `own`, z = λ·step; sums into `total`.
 
-        The cubic moment is a series, or a closed form where z is large; lower ones follow from it by sums of positive numbers.
-        """
-        digest  # noqa: B018 - part of the cache key
-        terms = np.uintp(len(rates))
-        slow = np.uintp(0)
-        while slow < terms and rates[slow] * step < SERIES:
-            slow += np.uintp(1)
-        for i in range(slow):
-            own[4, i], own[3, i] = series(rates[i] * step)
-        for i in range(slow, terms):
-            z = rates[i] * step
-            kept = math.exp(-z)
-            if z < 2.0:  # e^(−z) Σ z^k/(4·5 … (4 + k)), all terms positive
-                term, cubic = 0.25, 0.25
-                for k in range(5, 26):
-                    term *= z / k
-                    cubic += term
-                cubic *= kept
-            else:  # z³ may be beyond all numbers where nothing is kept
-                cubic = (6.0 - (kept * (6.0 + z * (6.0 + z * (3.0 + z))) if kept > 0.0 else 0.0)) / (z * z * z * z)
-            own[3, i], own[4, i] = cubic, kept
-        a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        for i in range(terms):
-            z, kept, third = rates[i] * step, own[4, i], own[3, i]
-            second = (z * third + kept) / 3.0
-            first = (z * second + kept) / 2.0
-            zeroth = z * first + kept
-            weight = weights[i] * step
-            own[5, i] = z * zeroth
-            own[0, i], own[1, i], own[2, i], own[3, i] = weight * zeroth, weight * first, weight * second, weight * third
-            a += weight * zeroth
-            b += weight * first
-            c += weight * second
-            d += weight * third
-        total[0], total[1], total[2], total[3] = a, b, c, d
-
-    return decays
+    The cubic moment is a series, or a closed form where z is large; lower ones follow from it by sums of positive numbers.
+    """
+    terms = np.uintp(len(rates))
+    slow = np.uintp(0)
+    while slow < terms and rates[slow] * step < SERIES:
+        slow += np.uintp(1)
+    for i in range(slow):
+        own[4, i], own[3, i] = series(rates[i] * step)
+    for i in range(slow, terms):
+        z = rates[i] * step
+        kept = math.exp(-z)
+        if z < 2.0:  # e^(−z) Σ z^k/(4·5 … (4 + k)), all terms positive
+            term, cubic = 0.25, 0.25
+            for k in range(5, 26):
+                term *= z / k
+                cubic += term
+            cubic *= kept
+        else:  # z³ may be beyond all numbers where nothing is kept
+            cubic = (6.0 - (kept * (6.0 + z * (6.0 + z * (3.0 + z))) if kept > 0.0 else 0.0)) / (z * z * z * z)
+        own[3, i], own[4, i] = cubic, kept
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    for i in range(terms):
+        z, kept, third = rates[i] * step, own[4, i], own[3, i]
+        second = (z * third + kept) / 3.0
+        first = (z * second + kept) / 2.0
+        zeroth = z * first + kept
+        weight = weights[i] * step
+        own[5, i] = z * zeroth
+        own[0, i], own[1, i], own[2, i], own[3, i] = weight * zeroth, weight * first, weight * second, weight * third
+        a += weight * zeroth
+        b += weight * first
+        c += weight * second
+        d += weight * third
+    total[0], total[1], total[2], total[3] = a, b, c, d
 
 
-decays = compiled(_make_decays, reassociate=True, allocates=False)
-
-
-def _make_left(digest: str) -> Callable[..., Any]:
-    def left(terms, kept):
-        """What the terms hold after a step."""
-        digest  # noqa: B018 - part of the cache key
-        total = 0.0
-        for i in range(len(terms)):
-            total += terms[i] * kept[i]
-        return total
-
-    return left
-
-
-left = compiled(_make_left, reassociate=True, allocates=False)
+@compiled(reassociate=True, allocates=False)
+def left(terms, kept):
+    """What the terms hold after a step."""
+    total = 0.0
+    for i in range(len(terms)):
+        total += terms[i] * kept[i]
+    return total
 
 
 @shared
@@ -102,63 +88,57 @@ def add(terms, own, q):
         terms[i] += q[0] * own[0, i] + q[1] * own[1, i] + q[2] * own[2, i] + q[3] * own[3, i]
 
 
-def _make_run(digest: str) -> Callable[..., Any]:
-    def run(t, g, first, begin, order, slip, weights, rates, near, local, impulse, terms, history, own, other, total, places, picked, q, early):
-        """Accept samples g[first:] at t[first:]; what stands before them is known already. H into history[first:]; the begin of the segment is returned.
+@compiled(allocates=False)
+def run(t, g, first, begin, order, slip, weights, rates, near, local, impulse, terms, history, own, other, total, places, picked, q, early):
+    """Accept samples g[first:] at t[first:]; what stands before them is known already. H into history[first:]; the begin of the segment is returned.
 
-        `terms` (components, terms) hold what is older than the panel before the newest sample; `local` moments of what the sum leaves of K, up to `near`;
-        by `impulse` (components,) f jumps at the last sample known.
-        """
-        digest  # noqa: B018 - part of the cache key
-        components = g.shape[1]
-        if first - 1 > begin:
-            decays(weights, rates, t[first - 1] - t[first - 2], own, total)
-        for n in range(first, len(t)):
-            known = n if n > 0 and t[n] > t[n - 1] else n - 1
-            if n - 1 > begin:
-                if known == n and order == 3 and n - 3 == begin:  # the first panel has got its last sample
-                    decays(weights, rates, t[n - 2] - t[n - 3], other, total)
-                    count = choose(t, n - 2, begin, n - 1, order, places, picked)
-                    for c in range(components):
-                        through(t, g, c, n - 2, count, places, picked, slip, early[c])
-                    count = choose(t, n - 2, begin, n, order, places, picked)
-                    for c in range(components):
-                        through(t, g, c, n - 2, count, places, picked, slip, q)
-                        for m in range(4):
-                            q[m] -= early[c, m]
-                        add(terms[c], other, q)
-                count = choose(t, n - 1, begin, min(known, n), order, places, picked)
+    `terms` (components, terms) hold what is older than the panel before the newest sample; `local` moments of what the sum leaves of K, up to `near`;
+    by `impulse` (components,) f jumps at the last sample known.
+    """
+    components = g.shape[1]
+    if first - 1 > begin:
+        decays(weights, rates, t[first - 1] - t[first - 2], own, total)
+    for n in range(first, len(t)):
+        known = n if n > 0 and t[n] > t[n - 1] else n - 1
+        if n - 1 > begin:
+            if known == n and order == 3 and n - 3 == begin:  # the first panel has got its last sample
+                decays(weights, rates, t[n - 2] - t[n - 3], other, total)
+                count = choose(t, n - 2, begin, n - 1, order, places, picked)
                 for c in range(components):
-                    through(t, g, c, n - 1, count, places, picked, slip, q)
-                    enter(terms[c], own, q)
-            if n == first:
+                    through(t, g, c, n - 2, count, places, picked, slip, early[c])
+                count = choose(t, n - 2, begin, n, order, places, picked)
                 for c in range(components):
-                    for i in range(len(weights)):
-                        terms[c, i] += weights[i] * impulse[c]
-                    impulse[c] = 0.0
-            if known < n:
-                for c in range(components):
-                    history[n, c] = history[n - 1, c] if n > 0 else 0.0
-                    if slip and n > 0:
-                        for i in range(len(weights)):
-                            terms[c, i] += weights[i] * (g[n, c] - g[n - 1, c])
-                begin = n
-                continue
-            step = t[n] - t[n - 1]
-            decays(weights, rates, step, own, total)
-            count = choose(t, n, begin, n, order, places, picked)
-            share = near / step
+                    through(t, g, c, n - 2, count, places, picked, slip, q)
+                    for m in range(4):
+                        q[m] -= early[c, m]
+                    add(terms[c], other, q)
+            count = choose(t, n - 1, begin, min(known, n), order, places, picked)
             for c in range(components):
-                through(t, g, c, n, count, places, picked, slip, q)
-                value = left(terms[c], own[4])
-                power = 1.0
-                for m in range(4):
-                    value += q[m] * (total[m] + power * local[m])
-                    power *= share
-                history[n, c] = value
-        return begin
-
-    return run
-
-
-run = compiled(_make_run, allocates=False)
+                through(t, g, c, n - 1, count, places, picked, slip, q)
+                enter(terms[c], own, q)
+        if n == first:
+            for c in range(components):
+                for i in range(len(weights)):
+                    terms[c, i] += weights[i] * impulse[c]
+                impulse[c] = 0.0
+        if known < n:
+            for c in range(components):
+                history[n, c] = history[n - 1, c] if n > 0 else 0.0
+                if slip and n > 0:
+                    for i in range(len(weights)):
+                        terms[c, i] += weights[i] * (g[n, c] - g[n - 1, c])
+            begin = n
+            continue
+        step = t[n] - t[n - 1]
+        decays(weights, rates, step, own, total)
+        count = choose(t, n, begin, n, order, places, picked)
+        share = near / step
+        for c in range(components):
+            through(t, g, c, n, count, places, picked, slip, q)
+            value = left(terms[c], own[4])
+            power = 1.0
+            for m in range(4):
+                value += q[m] * (total[m] + power * local[m])
+                power *= share
+            history[n, c] = value
+    return begin

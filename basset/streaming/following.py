@@ -158,18 +158,12 @@ def accept(s: SlipStream, sample: Floats, tail: Floats) -> None:
                 enter(s, q, (node - (tables.window + 2 - count + i)) % ring, tables.leaving[q, i], tables.leaves[q] if i == count - 1 else 0.0)
 
 
-def _make_rest(digest: str) -> Any:
-    def rest(s: SlipStream, steps: int) -> None:
-        """Nothing happens in so many steps; H is not kept up."""
-        digest  # noqa: B018 - part of the cache key
-        none = np.zeros(len(s.samples))
-        for _ in range(steps):
-            accept(s, none, none)
-
-    return rest
-
-
-rest = compiled(_make_rest)
+@compiled()
+def rest(s: SlipStream, steps: int) -> None:
+    """Nothing happens in so many steps; H is not kept up."""
+    none = np.zeros(len(s.samples))
+    for _ in range(steps):
+        accept(s, none, none)
 
 
 class FollowingPlan:

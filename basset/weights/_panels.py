@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from basset._compile import compiled, shared
@@ -65,30 +62,24 @@ def through(t, g, c, j, count, places, picked, slip, q):
         q[0], q[1], q[2], q[3] = -q[1] / step, -2.0 * q[2] / step, -3.0 * q[3] / step, 0.0
 
 
-def _make_polynomials(digest: str) -> Callable[..., Any]:
-    def polynomials(t, g, order, slip, final, newest, early, places, picked):
-        """Coefficients (node, component, 4) of the panel that ends there: final, as the newest one, and (first ones of a segment) before the last of theirs."""
-        digest  # noqa: B018 - part of the cache key
-        begin, end = 0, 0
-        for j in range(1, len(t)):
-            if t[j] == t[j - 1]:
-                begin = j
-                continue
-            if end < j:
-                end = j
-                while end + 1 < len(t) and t[end + 1] > t[end]:
-                    end += 1
-            count = choose(t, j, begin, j, order, places, picked)
-            for c in range(g.shape[1]):
-                through(t, g, c, j, count, places, picked, slip, newest[j, c])
-            count = choose(t, j, begin, min(end, j + 1), order, places, picked)
-            for c in range(g.shape[1]):
-                through(t, g, c, j, count, places, picked, slip, early[j, c])
-            count = choose(t, j, begin, end, order, places, picked)
-            for c in range(g.shape[1]):
-                through(t, g, c, j, count, places, picked, slip, final[j, c])
-
-    return polynomials
-
-
-polynomials = compiled(_make_polynomials, allocates=False)
+@compiled(allocates=False)
+def polynomials(t, g, order, slip, final, newest, early, places, picked):
+    """Coefficients (node, component, 4) of the panel that ends there: final, as the newest one, and (first ones of a segment) before the last of theirs."""
+    begin, end = 0, 0
+    for j in range(1, len(t)):
+        if t[j] == t[j - 1]:
+            begin = j
+            continue
+        if end < j:
+            end = j
+            while end + 1 < len(t) and t[end + 1] > t[end]:
+                end += 1
+        count = choose(t, j, begin, j, order, places, picked)
+        for c in range(g.shape[1]):
+            through(t, g, c, j, count, places, picked, slip, newest[j, c])
+        count = choose(t, j, begin, min(end, j + 1), order, places, picked)
+        for c in range(g.shape[1]):
+            through(t, g, c, j, count, places, picked, slip, early[j, c])
+        count = choose(t, j, begin, end, order, places, picked)
+        for c in range(g.shape[1]):
+            through(t, g, c, j, count, places, picked, slip, final[j, c])

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from basset._compile import compiled
 
 
-def _make_rates(digest: str) -> Callable[..., Any]:
-    def rates(times: Any, values: Any, bounds: Any, degree: int, out: Any) -> None:
-        """Slopes at every sample of the polynomial through the degree + 1 samples around it, within each piece; Lagrange's form."""
-        digest  # noqa: B018 - part of the cache key
-        for piece in range(len(bounds) - 1):
-            first, last = bounds[piece], bounds[piece + 1]
-            width = min(degree + 1, last - first)
-            for k in range(first, last):
-                start = min(max(k - width // 2, first), last - width)
-                for c in range(values.shape[1]):
-                    out[k, c] = 0.0
-                for j in range(start, start + width):
-                    if j != k:
-                        above, below = 1.0, times[j] - times[k]
-                        for m in range(start, start + width):
-                            if m not in (j, k):
-                                above *= times[k] - times[m]
-                                below *= times[j] - times[m]
-                        for c in range(values.shape[1]):
-                            out[k, c] += above / below * (values[j, c] - values[k, c])
-
-    return rates
-
-
-rates = compiled(_make_rates)
+@compiled()
+def rates(times: Any, values: Any, bounds: Any, degree: int, out: Any) -> None:
+    """Slopes at every sample of the polynomial through the degree + 1 samples around it, within each piece; Lagrange's form."""
+    for piece in range(len(bounds) - 1):
+        first, last = bounds[piece], bounds[piece + 1]
+        width = min(degree + 1, last - first)
+        for k in range(first, last):
+            start = min(max(k - width // 2, first), last - width)
+            for c in range(values.shape[1]):
+                out[k, c] = 0.0
+            for j in range(start, start + width):
+                if j != k:
+                    above, below = 1.0, times[j] - times[k]
+                    for m in range(start, start + width):
+                        if m not in (j, k):
+                            above *= times[k] - times[m]
+                            below *= times[j] - times[m]
+                    for c in range(values.shape[1]):
+                        out[k, c] += above / below * (values[j, c] - values[k, c])

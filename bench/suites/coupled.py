@@ -364,15 +364,10 @@ def marge3d(full: bool) -> dict[str, Any]:
         z = reference.solid_body_vortex(t, rate, coefficient, r, 1.0, 1.0, 0.0).position
         return np.array([z.real, z.imag, reference.settling_height(t, rate, coefficient, weight)])
 
-    def make(digest: str) -> Any:
-        def fun(t: float, y: Floats) -> Any:
-            digest  # noqa: B018 - part of the cache key
-            x1, x2, _, w1, w2, w3 = y
-            return np.array([w1 - x2, w2 + x1, w3, -rate * w1 + w2 + (1.0 - r) * x1, -rate * w2 - w1 + (1.0 - r) * x2, -rate * w3 - weight])
-
-        return fun
-
-    fun = compiled(make)  # as marge3d's own loops are
+    @compiled()  # as marge3d's own loops are
+    def fun(t: float, y: Floats) -> Any:
+        x1, x2, _, w1, w2, w3 = y
+        return np.array([w1 - x2, w2 + x1, w3, -rate * w1 + w2 + (1.0 - r) * x1, -rate * w2 - w1 + (1.0 - r) * x2, -rate * w3 - weight])
 
     def row(name: str, size: float, seconds: float, building: float, t: Floats, path: Floats) -> dict[str, Any]:
         apart = np.linalg.norm(path - exact(t), axis=0)

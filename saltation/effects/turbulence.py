@@ -23,7 +23,6 @@ A grain is pushed by the fluid's own acceleration, (1 + C_m) Du_f/Dt along the p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -329,32 +328,26 @@ def motion(e: Any, z: float, clock: float, drift: float, bend: float, slip: Trip
     return Motion(velocity, rate, acceleration, seen, seen * bend + push, -2.0 * DAMPING * seen * (drift + bend))
 
 
-def _make_tracers(digest: str) -> Callable[..., Any]:
-    def tracers(e: Any, states: Floats, until: float, step: float, rows: Floats) -> None:
-        """Fluid particles from 0 to `until` (d/V) by steps of `step` time scales (classical Runge–Kutta): heights, clocks, drifts and their rates (tracer, 4).
+@compiled(allocates=False)
+def tracers(e: Any, states: Floats, until: float, step: float, rows: Floats) -> None:
+    """Fluid particles from 0 to `until` (d/V) by steps of `step` time scales (classical Runge–Kutta): heights, clocks, drifts and their rates (tracer, 4).
 
-        rows (6, at least OWN + SLOTS·SLOT) is overwritten.
-        """
-        digest  # noqa: B018 - part of the cache key
-        for i in range(len(states)):
-            y, own = states[i], rows[5]
-            own[:] = 0.0
-            own[OWN - 1] = i
-            time = 0.0
-            while time < until:
-                h = min(until - time, step / math.sqrt(local(e, y[0]).rate))
+    rows (6, at least OWN + SLOTS·SLOT) is overwritten.
+    """
+    for i in range(len(states)):
+        y, own = states[i], rows[5]
+        own[:] = 0.0
+        own[OWN - 1] = i
+        time = 0.0
+        while time < until:
+            h = min(until - time, step / math.sqrt(local(e, y[0]).rate))
+            for a in range(4):
+                rows[4, a] = y[a]
+            for k in range(4):
+                m = motion(e, rows[4, 0], rows[4, 1], rows[4, 2], rows[4, 3], (0.0, 0.0, 0.0), 0.0, own)
+                rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = m.velocity[2], m.clock, m.drift, m.bend
                 for a in range(4):
-                    rows[4, a] = y[a]
-                for k in range(4):
-                    m = motion(e, rows[4, 0], rows[4, 1], rows[4, 2], rows[4, 3], (0.0, 0.0, 0.0), 0.0, own)
-                    rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = m.velocity[2], m.clock, m.drift, m.bend
-                    for a in range(4):
-                        rows[4, a] = y[a] + (h if k == 2 else 0.5 * h) * rows[k, a]
-                for a in range(4):
-                    y[a] += h / 6.0 * (rows[0, a] + 2.0 * rows[1, a] + 2.0 * rows[2, a] + rows[3, a])
-                time += h
-
-    return tracers
-
-
-tracers = compiled(_make_tracers, allocates=False)
+                    rows[4, a] = y[a] + (h if k == 2 else 0.5 * h) * rows[k, a]
+            for a in range(4):
+                y[a] += h / 6.0 * (rows[0, a] + 2.0 * rows[1, a] + 2.0 * rows[2, a] + rows[3, a])
+            time += h

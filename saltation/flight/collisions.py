@@ -16,7 +16,6 @@ and a pair that separates after an encounter stays apart: no pair overlaps, howe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -791,47 +790,35 @@ def handle_event(
     return ACCEPTED
 
 
-def _make_advance(digest: str) -> Callable[..., Any]:
-    def advance(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
-        """Handle events up to `until`: UNTIL, or why the caller is needed."""
-        digest  # noqa: B018 - part of the cache key
-        if domain is None:
-            for i in range(len(grains.clock)):
-                loaded = False
-                while grains.clock[i] <= until:
-                    code = handle_event(parts, domain, grains, first_in_cell, samples, logs, i, courses, loaded)
-                    if code != ACCEPTED:
-                        return code
-                    loaded = True
-            return UNTIL
-        while True:
-            grain = index(grains.heap[0])
-            if not grains.clock[grain] <= until or grains.kind[grain] == GONE:
-                return UNTIL
-            code = handle_event(parts, domain, grains, first_in_cell, samples, logs, grain, courses, False)
-            if code != ACCEPTED:
-                return code
-
-    return advance
-
-
-advance = compiled(_make_advance, allocates=False, usually="some 20 s")
-
-
-def _make_flush(digest: str) -> Callable[..., Any]:
-    def flush(parts: Parts, domain: Domain | None, grains: Grains, samples: Samples, until: float) -> None:
-        """Write all samples up to `until`, which every current step reaches."""
-        digest  # noqa: B018 - part of the cache key
-        g, work = parts.steps.flight, parts.steps.flight.parts.work
+@compiled(allocates=False, usually="some 20 s")
+def advance(parts: Parts, domain: Domain | None, grains: Grains, first_in_cell: Any, samples: Samples, logs: Logs, courses: Courses, until: float) -> int:
+    """Handle events up to `until`: UNTIL, or why the caller is needed."""
+    if domain is None:
         for i in range(len(grains.clock)):
-            if grains.kind[i] != GONE and grains.sample[i] * samples.interval <= until:
-                polynomial_of(parts, domain, grains, i, work.polynomial)
-                write_samples(g.model, grains, samples, i, work.polynomial, until, work.before)
+            loaded = False
+            while grains.clock[i] <= until:
+                code = handle_event(parts, domain, grains, first_in_cell, samples, logs, i, courses, loaded)
+                if code != ACCEPTED:
+                    return code
+                loaded = True
+        return UNTIL
+    while True:
+        grain = index(grains.heap[0])
+        if not grains.clock[grain] <= until or grains.kind[grain] == GONE:
+            return UNTIL
+        code = handle_event(parts, domain, grains, first_in_cell, samples, logs, grain, courses, False)
+        if code != ACCEPTED:
+            return code
 
-    return flush
 
-
-flush = compiled(_make_flush, allocates=False)
+@compiled(allocates=False)
+def flush(parts: Parts, domain: Domain | None, grains: Grains, samples: Samples, until: float) -> None:
+    """Write all samples up to `until`, which every current step reaches."""
+    g, work = parts.steps.flight, parts.steps.flight.parts.work
+    for i in range(len(grains.clock)):
+        if grains.kind[i] != GONE and grains.sample[i] * samples.interval <= until:
+            polynomial_of(parts, domain, grains, i, work.polynomial)
+            write_samples(g.model, grains, samples, i, work.polynomial, until, work.before)
 
 
 def empty_grains(number: int, states: int, members: int, terms: int, stages: int, own: int) -> Grains:

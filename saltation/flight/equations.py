@@ -242,32 +242,20 @@ def _each_force(effects: Any, s: Any, out: Any, row: Any, column: Any) -> Callab
     return each if len(effects) else none
 
 
-def _make_budget(digest: str) -> Callable[..., Any]:
-    def budget(equation: Equation, situations: Floats, out: Floats) -> None:
-        """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
-        digest  # noqa: B018 - part of the cache key
-        for i in range(len(situations)):
-            r = situations[i]
-            each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], 0.0), out, i, 0)
-            for k in range(out.shape[1]):
-                out[i, k] *= equation.alpha
-
-    return budget
+@compiled()
+def budget(equation: Equation, situations: Floats, out: Floats) -> None:
+    """Forces of each effect, times α, at situations (points, 9) into `out` (points, 3·effects)."""
+    for i in range(len(situations)):
+        r = situations[i]
+        each_force(equation.forces, Situation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], 0.0), out, i, 0)
+        for k in range(out.shape[1]):
+            out[i, k] *= equation.alpha
 
 
-budget = compiled(_make_budget)
-
-
-def _make_beside(digest: str) -> Callable[..., Any]:
-    def beside(model: Model, states: Floats, own: Floats, out: Floats) -> None:
-        """Fluctuation, its rate along the path and the fluid's acceleration (x, y, z each) at states (points, states) into `out` (points, 9)."""
-        digest  # noqa: B018 - part of the cache key
-        for i in range(len(states)):
-            m = motion_of(model, states[i], own)
-            for k in range(3):
-                out[i, k], out[i, 3 + k], out[i, 6 + k] = m.velocity[k], m.rate[k], m.acceleration[k]
-
-    return beside
-
-
-beside = compiled(_make_beside, allocates=False)
+@compiled(allocates=False)
+def beside(model: Model, states: Floats, own: Floats, out: Floats) -> None:
+    """Fluctuation, its rate along the path and the fluid's acceleration (x, y, z each) at states (points, states) into `out` (points, 9)."""
+    for i in range(len(states)):
+        m = motion_of(model, states[i], own)
+        for k in range(3):
+            out[i, k], out[i, 3 + k], out[i, 6 + k] = m.velocity[k], m.rate[k], m.acceleration[k]

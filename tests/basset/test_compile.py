@@ -95,13 +95,10 @@ def deeper(x):
 def deep(x):
     return 1.0 + deeper(x)
 
-def make(digest):
-    def run(parts, x):
-        digest
-        return seldom(parts, x) + deep(x)
-    return run
+@compiled()
+def run(parts, x):
+    return seldom(parts, x) + deep(x)
 
-run = compiled(make)
 assert run(Parts(1.0, None), 3.0) == 12.0
 """
 
@@ -125,14 +122,10 @@ class TestTwoExecutions:
             np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-13 * np.abs(other).max())
 
     def test_a_function_that_is_not_loaded_yet_is_made_a_c_function_once(self):
-        def make(digest):
-            def opposite(t, y):
-                digest
-                return -y
+        @_compile.compiled()
+        def late(t, y):
+            return -y
 
-            return opposite
-
-        late = _compile.compiled(make)
         first = _compile.c_function(late, (), np.zeros(2, dtype=np.int64))
         again = _compile.c_function(_compile.itself(late), (), np.zeros(2, dtype=np.int64))
         assert first.address == again.address
@@ -222,14 +215,6 @@ class TestTheCacheOnDisk:
         assert len(digests) == 3 + sources
 
 
-def _make_double(digest):
-    def double(x):
-        digest
-        return 2.0 * x
-
-    return double
-
-
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 class TestADamagedCache:
     """Nothing on the disk ends a run or changes a number: one line of warning in a process, and the code is compiled."""
@@ -244,8 +229,13 @@ class TestADamagedCache:
     def compiles(argument: float = 3.0) -> int:
         """A function as a new process would have it; how often it had to be compiled."""
         names: list = []
+
+        @_compile.compiled()
+        def double(x):
+            return 2.0 * x
+
         with _compile.reported(lambda name, seconds: names.append(name)):
-            assert _compile.compiled(_make_double)(argument) == 2.0 * argument
+            assert double(argument) == 2.0 * argument
         return len(names)
 
     @staticmethod

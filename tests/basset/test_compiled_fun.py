@@ -24,15 +24,13 @@ def relax(t, y, rate):
 
 @functools.cache  # compiled once for all tests
 def made(function):
-    def factory(digest):
-        def fun(t, y, *args):
-            digest
-            return plain(t, y, *args)
-
-        return fun
-
     plain = _compile.shared(function)
-    return _compile.compiled(factory)
+
+    @_compile.compiled()
+    def fun(t, y, *args):
+        return plain(t, y, *args)
+
+    return fun
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])

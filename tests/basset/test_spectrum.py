@@ -44,17 +44,11 @@ def values(weights, rates, s):
     return np.exp(-np.outer(s, rates)) @ weights
 
 
-def _make_tabulated(digest):
-    def tabulated(weights, log_rates, low, inverse_step, ratios, log_stretch, result):
-        digest  # part of the cache key
-        last = ratios.shape[0] - 1
-        for q in range(len(weights)):
-            result[q] = weights[q] * spectrum.ratio_at(low, inverse_step, ratios, min(q, last), log_rates[q] - log_stretch)
-
-    return tabulated
-
-
-tabulated = compiled(_make_tabulated)
+@compiled()
+def tabulated(weights, log_rates, low, inverse_step, ratios, log_stretch, result):
+    last = ratios.shape[0] - 1
+    for q in range(len(weights)):
+        result[q] = weights[q] * spectrum.ratio_at(low, inverse_step, ratios, min(q, last), log_rates[q] - log_stretch)
 
 
 class TestSpectralRatio:

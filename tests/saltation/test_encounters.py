@@ -156,34 +156,31 @@ def test_unequal_grains_against_the_matrix_of_their_contact():
     assert min(kinds.values()) > 300
 
 
-def _make_worst(digest):
-    def worst(n, u, s, radii, masses, laws, found):
-        """Largest relative error of momentum, of angular momentum about the contact, largest relative gain of energy; how many closed."""
-        digest  # part of the cache key
-        for k in range(len(n)):
-            a, m = (radii[k, 0], radii[k, 1]), (masses[k, 0], masses[k, 1])
-            v0, v1 = (u[k, 0, 0], u[k, 0, 1], u[k, 0, 2]), (u[k, 1, 0], u[k, 1, 1], u[k, 1, 2])
-            o0, o1 = (s[k, 0, 0], s[k, 0, 1], s[k, 0, 2]), (s[k, 1, 0], s[k, 1, 1], s[k, 1, 2])
-            w0, w1, p0, p1, j = strike_pair(n[k, 0], n[k, 1], n[k, 2], v0, v1, o0, o1, a, m, laws[k, 0], laws[k, 1])
-            i0, i1 = 0.4 * m[0] * a[0] * a[0], 0.4 * m[1] * a[1] * a[1]
-            before, after, linear, size = 0.0, 0.0, 0.0, 0.0
-            for q in range(3):
-                before += 0.5 * (m[0] * v0[q] ** 2 + m[1] * v1[q] ** 2 + i0 * o0[q] ** 2 + i1 * o1[q] ** 2)
-                after += 0.5 * (m[0] * w0[q] ** 2 + m[1] * w1[q] ** 2 + i0 * p0[q] ** 2 + i1 * p1[q] ** 2)
-                linear = max(linear, abs(m[0] * (w0[q] - v0[q]) + m[1] * (w1[q] - v1[q])))
-                size = max(size, m[0] * (abs(v0[q]) + abs(w0[q])), m[1] * (abs(v1[q]) + abs(w1[q])))
-            found[0] = max(found[0], linear / size)
-            for q in range(3):
-                r, t = (q + 1) % 3, (q + 2) % 3
-                # the contact lies at a_1 n from the first and at −a_2 n from the second centre
-                x0, x1 = -a[0] * (n[k, r] * (w0[t] - v0[t]) - n[k, t] * (w0[r] - v0[r])), a[1] * (n[k, r] * (w1[t] - v1[t]) - n[k, t] * (w1[r] - v1[r]))
-                angular = abs(m[0] * x0 + m[1] * x1 + i0 * (p0[q] - o0[q]) + i1 * (p1[q] - o1[q]))
-                turning = i0 * (abs(o0[q]) + abs(p0[q])) + i1 * (abs(o1[q]) + abs(p1[q]))
-                found[1] = max(found[1], angular / (turning + size * (a[0] + a[1])))
-            found[2] = max(found[2], after / before - 1.0)
-            found[3] += abs(j[0]) + abs(j[1]) + abs(j[2]) > 0.0
-
-    return worst
+@compiled()
+def worst(n, u, s, radii, masses, laws, found):
+    """Largest relative error of momentum, of angular momentum about the contact, largest relative gain of energy; how many closed."""
+    for k in range(len(n)):
+        a, m = (radii[k, 0], radii[k, 1]), (masses[k, 0], masses[k, 1])
+        v0, v1 = (u[k, 0, 0], u[k, 0, 1], u[k, 0, 2]), (u[k, 1, 0], u[k, 1, 1], u[k, 1, 2])
+        o0, o1 = (s[k, 0, 0], s[k, 0, 1], s[k, 0, 2]), (s[k, 1, 0], s[k, 1, 1], s[k, 1, 2])
+        w0, w1, p0, p1, j = strike_pair(n[k, 0], n[k, 1], n[k, 2], v0, v1, o0, o1, a, m, laws[k, 0], laws[k, 1])
+        i0, i1 = 0.4 * m[0] * a[0] * a[0], 0.4 * m[1] * a[1] * a[1]
+        before, after, linear, size = 0.0, 0.0, 0.0, 0.0
+        for q in range(3):
+            before += 0.5 * (m[0] * v0[q] ** 2 + m[1] * v1[q] ** 2 + i0 * o0[q] ** 2 + i1 * o1[q] ** 2)
+            after += 0.5 * (m[0] * w0[q] ** 2 + m[1] * w1[q] ** 2 + i0 * p0[q] ** 2 + i1 * p1[q] ** 2)
+            linear = max(linear, abs(m[0] * (w0[q] - v0[q]) + m[1] * (w1[q] - v1[q])))
+            size = max(size, m[0] * (abs(v0[q]) + abs(w0[q])), m[1] * (abs(v1[q]) + abs(w1[q])))
+        found[0] = max(found[0], linear / size)
+        for q in range(3):
+            r, t = (q + 1) % 3, (q + 2) % 3
+            # the contact lies at a_1 n from the first and at −a_2 n from the second centre
+            x0, x1 = -a[0] * (n[k, r] * (w0[t] - v0[t]) - n[k, t] * (w0[r] - v0[r])), a[1] * (n[k, r] * (w1[t] - v1[t]) - n[k, t] * (w1[r] - v1[r]))
+            angular = abs(m[0] * x0 + m[1] * x1 + i0 * (p0[q] - o0[q]) + i1 * (p1[q] - o1[q]))
+            turning = i0 * (abs(o0[q]) + abs(p0[q])) + i1 * (abs(o1[q]) + abs(p1[q]))
+            found[1] = max(found[1], angular / (turning + size * (a[0] + a[1])))
+        found[2] = max(found[2], after / before - 1.0)
+        found[3] += abs(j[0]) + abs(j[1]) + abs(j[2]) > 0.0
 
 
 @pytest.mark.parametrize("equal", [True, False])
@@ -198,7 +195,7 @@ def test_a_million_encounters_keep_momentum_and_gain_no_energy(equal):
     masses = np.ones((count, 2)) if equal else 10.0 ** rng.uniform(-1.0, 1.0, (count, 2))
     laws = np.clip(rng.uniform([-0.2, -0.5], [1.2, 2.0], (count, 2)), 0.0, [1.0, np.inf])
     found = np.zeros(4)
-    compiled(_make_worst)(n, u, 3.0 * s, radii, masses, laws, found)
+    worst(n, u, 3.0 * s, radii, masses, laws, found)
     assert 0.49 < found[3] / count < 0.51
     assert found[0] < 2e-15
     assert found[1] < 2e-15
