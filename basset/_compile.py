@@ -26,12 +26,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeVar
 
-from basset._files import replacing
-
-try:
-    import fcntl
-except ImportError:  # not a POSIX system
-    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
+from basset._files import lock, replacing, unlock
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -266,13 +261,13 @@ class Keeper:
     def _wait(self) -> None:
         """Until no other process compiles this function: the system frees the lock of one that dies."""
         with contextlib.suppress(OSError):  # no locks on this file system
-            lock = self._lock()
-            lock.parent.mkdir(parents=True, exist_ok=True)
-            self.turn = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+            file = self._lock()
+            file.parent.mkdir(parents=True, exist_ok=True)
+            self.turn = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
             until = time.monotonic() + LONGEST_WAIT
-            while fcntl is not None and time.monotonic() < until:  # a process that was stopped while it compiled must not stop others
+            while time.monotonic() < until:  # a process that was stopped while it compiled must not stop others
                 try:
-                    fcntl.flock(self.turn, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    lock(self.turn)
                     return
                 except BlockingIOError:
                     time.sleep(0.1)
@@ -282,9 +277,8 @@ class Keeper:
         if self.turn >= 0 and self.cache is not None:
             with contextlib.suppress(OSError):
                 os.unlink(self._lock())
-            if fcntl is not None:
-                with contextlib.suppress(OSError):
-                    fcntl.flock(self.turn, fcntl.LOCK_UN)  # a process that was forked meanwhile holds it too
+            with contextlib.suppress(OSError):
+                unlock(self.turn)
             os.close(self.turn)
             self.turn = -1
 

@@ -1,4 +1,4 @@
-"""Files that are written atomically: whole or not at all."""
+"""Files that are written atomically, whole or not at all, and locks of files."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system
+    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
 
 
 @contextlib.contextmanager
@@ -67,6 +73,19 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
         return False
     opened = os.path.islink(path) and os.path.abspath(path).startswith(("/dev/", "/proc/"))
     return opened or not os.path.isfile(path)
+
+
+def lock(file: Any) -> bool:
+    """Take the lock of an open file, which ends with the process; False where the system has none. BlockingIOError if another process has it."""
+    if fcntl is not None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return fcntl is not None
+
+
+def unlock(file: Any) -> None:
+    """Release it, also for processes that were forked meanwhile and hold it too."""
+    if fcntl is not None:
+        fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def write(path: Path, text: str) -> None:

@@ -83,6 +83,14 @@ def non_negative(name: str, value: Any, unit: str = "") -> float:
     return result
 
 
+def tolerance(name: str, value: Any) -> float:
+    """`value` as a relative error above 0 and below 1."""
+    result = positive(name, value)
+    if result >= 1.0:
+        raise ValueError(f"{name} must be below 1, got {apart(result, 1.0)[0]}")
+    return result
+
+
 def integer(name: str, value: Any, low: int, high: int | None = None) -> int:
     """`value` as an int in [low, high]; floats are refused even when they are whole."""
     right = f"a whole number from {low} to {high}" if high is not None else f"a whole number, {low} or greater"
@@ -132,13 +140,7 @@ def real_array(name: str, value: Any) -> NDArray[np.float64]:
 
 def finite(name: str, value: Any, missing: bool = False) -> NDArray[np.float64]:
     """`value` as finite (with `missing`, possibly NaN) float64; what does not hold real numbers is refused."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise TypeError(f"{name} must be an array of real numbers with equal rows, got {shown(value)}") from None
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} must be an array of real numbers, got {shown(value)} (dtype {array.dtype})")
-    array = array.astype(np.float64)
+    array = real_array(name, value)
     bad = np.argwhere(np.isinf(array) if missing else ~np.isfinite(array))
     if len(bad):
         where = tuple(int(index) for index in bad[0])

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from basset import __version__, _validate, measure
 from basset.evaluate import cumulate
 from basset.exponentials import ExponentialSum
-from basset.kernels import BassetKernel, Floats, Kernel
+from basset.kernels import BassetKernel, Floats, Kernel, checked_kernel
 from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
 from basset.solvers.stability import longest_step
 from basset.streaming import LONGEST
@@ -235,8 +235,7 @@ def advise(
     error = _validate.positive("error", error)
     _validate.choice("use", use, USES)
     columns = _validate.integer("particles", particles, 1) * _validate.integer("components", components, 1)
-    if not isinstance(kernel, Kernel):
-        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+    checked_kernel(kernel)
     if not memory > 0.0:
         raise ValueError(f"memory must be greater than 0 (bytes), got {memory}")
     length = _length(dt, steps, duration)

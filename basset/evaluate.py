@@ -24,16 +24,9 @@ PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 
 
 def integrate(
-    g: ArrayLike,
-    dt: float | None = None,
-    rule: Rule | str = "daitche",
-    kernel: Kernel = _BASSET,
-    initial_slip: ArrayLike = 0.0,
-    input: str = "rate",
-    *,
-    t: ArrayLike | None = None,
-    gaps: str = "raise",
-) -> Any:
+    g: ArrayLike, dt: float | None = None, rule: Rule | str = "daitche", kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate", *,
+    t: ArrayLike | None = None, gaps: str = "raise",
+) -> Any:  # fmt: skip
     """History integral at the last node, H(t_n) = f(t_0) K(t_n − t_0) + ∫ K(t_n − τ) g(τ) dτ.
 
     Parameters
@@ -135,16 +128,9 @@ def integrate(
 
 
 def cumulate(
-    g: ArrayLike,
-    dt: float | None = None,
-    rule: Rule | str = "daitche",
-    kernel: Kernel = _BASSET,
-    initial_slip: ArrayLike = 0.0,
-    input: str = "rate",
-    *,
-    t: ArrayLike | None = None,
-    gaps: str = "raise",
-) -> Floats:
+    g: ArrayLike, dt: float | None = None, rule: Rule | str = "daitche", kernel: Kernel = _BASSET, initial_slip: ArrayLike = 0.0, input: str = "rate", *,
+    t: ArrayLike | None = None, gaps: str = "raise",
+) -> Floats:  # fmt: skip
     """History integral at every node, in O(n log n): row k is `integrate(g[:k+1], …)`.
 
     The convolution is done by FFT without wrap-around, the start-up rows and the oldest samples exactly; its rounding error is

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
-from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, checked_lags
+from basset.kernels import BassetKernel, Floats, Kernel, MeiAdrianKernel, checked_interval, checked_kernel, checked_lags
 from basset.positive_sums import FLOOR, positive_sum
 
 _SLACK = 1.0 + 1e-9  # rounding of near, far and their ratio
@@ -75,8 +75,7 @@ class ExponentialSum:
     def __post_init__(self) -> None:
         near = _validate.positive("near", self.near, "seconds")
         far = self.far if self.far == math.inf else _validate.positive("far", self.far, "seconds")
-        if not isinstance(self.kernel, Kernel):
-            raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(self.kernel)}")
+        checked_kernel(self.kernel)
         given = (_validate.unmasked("weights", self.weights), _validate.unmasked("rates", self.rates))
         try:
             weights, rates = (np.array(values, dtype=np.float64) for values in given)
@@ -86,8 +85,7 @@ class ExponentialSum:
             raise ValueError(f"weights and rates must be one-dimensional and equally long, got shapes {weights.shape} and {rates.shape}")
         if not (np.isfinite(weights).all() and np.isfinite(rates).all() and (weights > 0.0).all() and (rates > 0.0).all()):
             raise ValueError("weights and rates must be positive and finite, got values that are not")
-        if not far > near:
-            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
+        checked_interval(near, far)
         order = np.argsort(rates)
         for name, values in (("weights", weights[order]), ("rates", rates[order])):
             values.flags.writeable = False
@@ -210,21 +208,17 @@ class ExponentialSum:
         Braess & Hackbusch (2005), IMA J. Numer. Anal. 25, 685 (existence, uniqueness and decay of the error).
         """
         near, far = _validate.positive("near", near, "seconds"), _validate.positive("far", far, "seconds")
-        rtol = _validate.positive("rtol", rtol)
-        if far <= near:
-            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
-        if rtol >= 1.0:
-            raise ValueError(f"rtol must be below 1, got {_validate.apart(rtol, 1.0)[0]}")
+        checked_interval(near, far)
+        rtol = _validate.tolerance("rtol", rtol)
+        checked_kernel(kernel)
         if isinstance(kernel, MeiAdrianKernel) and kernel.steepness > 0.0:
             stretch, table = kernel.steepness ** (2.0 / 3.0), _finite_reynolds_table(kernel.c1)
             covers = (table.near <= stretch * near * _SLACK) & (table.far * _SLACK >= stretch * far)
         elif isinstance(kernel, (BassetKernel, MeiAdrianKernel)):
             stretch, table = 1.0 / far, _basset_table()
             covers = table.near <= near / far * _SLACK
-        elif isinstance(kernel, Kernel):
-            covers = np.zeros(1, dtype=bool)
         else:
-            raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+            covers = np.zeros(1, dtype=bool)
         if not covers.any():
             if _has_geometric(kernel):
                 raise ValueError(f"far/near must be up to {1.0 / table.near.min():.3g} for {kernel!r}, got near = {near:g} and far = {far:g} seconds")
@@ -247,7 +241,6 @@ class ExponentialSum:
         Parameters
         ----------
         window : float, seconds
-            Greater than 0.
 
         Returns
         -------
@@ -289,7 +282,7 @@ class ExponentialSum:
         Raises
         ------
         ValueError, TypeError
-            If a parameter is out of range.
+            If the window is not positive, or there is no such set.
 
         References
         ----------

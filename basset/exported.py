@@ -40,25 +40,10 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def sum_text(tail: ExponentialSum, order: int, form: str) -> str:
-    """A fitted sum, its promise, and the stream that it makes with exact newest panels.
+    """A file of a fitted sum, its promise, and the stream that it makes with exact newest panels and polynomials of that order, 1 to 10.
 
-    Parameters
-    ----------
-    tail : ExponentialSum
-        With a promise.
-    order : int
-        Degree of the polynomials between samples, 1 to 10; the step is tail.near/(order//2 + 1).
-    form : {"table", "csv", "json", "c", "fortran"}
-
-    Returns
-    -------
-    str
-        A whole file.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the order or the format is none of these, or far lies within the steps that are integrated exactly.
+    The step is tail.near/(order//2 + 1). ValueError, TypeError if order or form (of `FORMATS`) is out of range, or far lies within the steps that are
+    integrated exactly.
     """
     _validate.choice("format", form, FORMATS)
     rule = Windowed(Daitche(order), tail.near, tail)
@@ -95,28 +80,7 @@ def sum_text(tail: ExponentialSum, order: int, form: str) -> str:
 
 
 def weights_text(rule: Rule, steps: int, dt: float, kernel: Kernel, input: str, form: str) -> str:
-    """The weights of a rule at one number of steps, newest first.
-
-    Parameters
-    ----------
-    rule : Rule
-    steps : int
-        1 or more.
-    dt : float, seconds
-    kernel : Kernel
-    input : {"rate", "slip"}
-    form : {"table", "csv", "json", "c", "fortran"}
-
-    Returns
-    -------
-    str
-        A whole file.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `Rule.weights`, or if the format is none of these.
-    """
+    """A file of the weights of a rule at one number of steps, newest first; errors as `Rule.weights`, or if form is none of `FORMATS`."""
     _validate.choice("format", form, FORMATS)
     accept(rule, kernel, input)
     found = rule.weights(steps, dt, kernel, input)

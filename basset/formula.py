@@ -31,21 +31,9 @@ TERMS = 20
 
 
 def graded_rule(values: Callable[[Floats], Floats], near: float, far: float, finest: float) -> tuple[Floats, Floats]:
-    """`Kernel.rule` for any kernel: Gauss–Legendre in σ = √s, in which s^(−1/2) ds = 2 dσ has no singularity.
+    """`Kernel.rule` for any K, `values`: Gauss–Legendre in σ = √s, in which s^(−1/2) ds = 2 dσ has no singularity.
 
-    Parameters
-    ----------
-    values : callable
-        K(s) for an array of positive lags.
-    near, far : float, seconds
-        0 ≤ near < far.
-    finest : float, √s
-        Panels are halved towards σ = 0 down to this length, and where the integral of K over one says so.
-
-    Returns
-    -------
-    ndarray (points,), dimensionless; ndarray (points,), s^(1/2)
-        Nodes and weights.
+    Panels are halved towards σ = 0 down to the length `finest` (√s), and where the integral of K over one says so.
     """
     x, w = gauss_legendre(POINTS)
     low, high = math.sqrt(near), math.sqrt(far)

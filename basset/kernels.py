@@ -46,6 +46,18 @@ def checked_lags(s: ArrayLike) -> Floats:
     return lags
 
 
+def checked_interval(near: float, far: float) -> None:
+    """ValueError unless far > near (s)."""
+    if far <= near:
+        raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
+
+
+def checked_kernel(kernel: Any, *also: type) -> None:
+    """TypeError for what is no kernel, nor one of `also`."""
+    if not isinstance(kernel, (Kernel, *also)):
+        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+
+
 class Kernel(abc.ABC):
     """A memory kernel K(s), s > 0 in seconds; K(s) ~ s^(-1/2) as s → 0, or bounded.
 
@@ -187,8 +199,7 @@ class Kernel(abc.ABC):
         array([2.        , 0.66666667])
         """
         near, far = _validate.non_negative("near", near, "seconds"), _validate.positive("far", far, "seconds")
-        if far <= near:
-            raise ValueError("far must be greater than near = {} (seconds), got {}".format(*_validate.apart(near, far)))
+        checked_interval(near, far)
         degree = _validate.integer("degree", degree, 0, 15)
         nodes, weights = self.rule(near, far)
         return np.asarray(weights @ nodes[:, None] ** np.arange(degree + 1))
@@ -390,7 +401,7 @@ class VaryingSlipKernel:
     Raises
     ------
     ValueError, TypeError
-        If a parameter is out of range.
+        If a parameter is out of range, or slip_range does not rise.
 
     References
     ----------

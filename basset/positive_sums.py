@@ -78,29 +78,9 @@ def failed(kernel: Kernel, near: float, far: float) -> Found:
 
 @lru_cache(maxsize=64)
 def positive_sum(kernel: Kernel, near: float, far: float, rtol: float) -> tuple[Floats, Floats]:
-    """Weights and rates of a sum of exponentials that keeps a promise; 1.2 to 2 times the terms of the shortest.
+    """Positive weights (s^(-1/2)) and rates (1/s) of a sum of exponentials with |sum − K| ≤ rtol·max(K, 1e-16 K(near)) on [near, far], far/near ≤ 1e12.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        Completely monotone: positive, falling, convex, and so on for all derivatives.
-    near, far : float, seconds
-        0 < near < far, far/near ≤ 1e12.
-    rtol : float, dimensionless
-        The largest |sum − K| / max(K, 1e-16 K(near)) on [near, far].
-
-    Returns
-    -------
-    ndarray (terms,), s^(-1/2); ndarray (terms,), 1/s
-        Positive weights and rates.
-
-    Raises
-    ------
-    NoSumError (a ValueError)
-        If no positive sum can keep the promise, because K is not completely monotone, or none was found.
-
-    References
-    ----------
+    It has 1.2 to 2 times the terms of the shortest. NoSumError if none can keep the promise, because K is not completely monotone, or none was found.
     Bernstein (1929), Acta Math. 52, 1; Lawson & Hanson (1974), Solving Least Squares Problems, ch. 23; Boyd, Schiebinger & Recht (2017), SIAM J.
     Optim. 27, 616 (moving and adding rates).
     """

@@ -13,15 +13,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basset._files import replacing, write
+from basset._files import lock, replacing, write
 
 if TYPE_CHECKING:
     import xarray as xr
 
-try:
-    import fcntl
-except ImportError:  # not on every system
-    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
 
 __all__ = ["DamageError", "content_of", "only_writer", "open_dataset", "replacing", "store", "write"]
 
@@ -154,15 +150,13 @@ def _who(owner: dict[str, Any] | None) -> str:
 
 def _locked(handle: int, owner: dict[str, Any] | None) -> bool:
     """Whether the lock was acquired: the system frees it when its holder ends, in whatever way."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # no locks on this file system
-            pass
-        else:
+    try:
+        if lock(handle):
             return True
+    except BlockingIOError:
+        return False
+    except OSError:  # no locks on this file system
+        pass
     return owner is None or owner.get("host") != platform.node() or not _alive(owner.get("process"))
 
 

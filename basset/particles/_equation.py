@@ -260,7 +260,7 @@ def motion(t: float, y: Any, words: Any, functions: Any, numbers: Any, scratch: 
     return scratch[RATES, : 2 * d]
 
 
-def motion_of(t, y, work, length, speed):
+def motion_with(t, y, work, length, speed):
     """`motion` as the solver takes it."""
     words, functions, numbers = opened(work)
     return motion(t, y, words, functions, numbers, work, length, speed)
@@ -280,7 +280,7 @@ def located(t: float, y: Any, words: Any, functions: Any, numbers: Any, scratch:
         scratch[VELOCITY, a] = scratch[FIELD, a] + speed * y[d + a]
 
 
-def located_of(t, y, work, length, speed):
+def located_with(t, y, work, length, speed):
     """`located` for events that are not compiled."""
     words, functions, numbers = opened(work)
     located(t, y, words, functions, numbers, work, length, speed)
@@ -302,7 +302,7 @@ def compiled_within(t, y, work, length, speed):
     return within(t, y, words, length)
 
 
-def fields_of(times: Any, places: Any, work: Any, out: Any) -> None:
+def fields_with(times: Any, places: Any, work: Any, out: Any) -> None:
     """u, ∇u and Du/Dt at many points: rows of `out`, laid out as scratch[FIELD]."""
     words, functions, numbers = opened(work)
     for k in range(len(places)):
@@ -313,7 +313,7 @@ def fields_of(times: Any, places: Any, work: Any, out: Any) -> None:
             out[k, i] = work[FIELD, i]
 
 
-def forces_of(times: Any, places: Any, slips: Any, histories: Any, work: Any, mass: float, velocities: Any, out: Any) -> None:
+def forces_with(times: Any, places: Any, slips: Any, histories: Any, work: Any, mass: float, velocities: Any, out: Any) -> None:
     """Velocities (particle, time, component) and forces (kind, particle, time, component), N, from `histories`, what H adds to dv/dt; `mass` of fluid."""
     words, functions, numbers = opened(work)
     scratch, d = work, words[DIMENSIONS]
@@ -335,5 +335,7 @@ def forces_of(times: Any, places: Any, slips: Any, histories: Any, work: Any, ma
                 out[4, p, k, a], out[5, p, k, a] = mass * side, mass * (ratio + added) * histories[p, k, a]
 
 
-compiled_motion, fields, forces = (compiled(usually="some 5 s")(plain) for plain in (motion_of, fields_of, forces_of))  # these are used as they stand, too
-compiled_located = compiled()(located_of)
+compiled_motion, fields, forces = (
+    compiled(usually="some 5 s")(plain) for plain in (motion_with, fields_with, forces_with)
+)  # these are used as they stand, too
+compiled_located = compiled()(located_with)

@@ -30,5 +30,5 @@ def gridded(flow: Any) -> Floats:
 def fields_of(work: Any, times: Floats, places: Floats, fast: bool = True) -> Floats:
     """u, ∇u and Du/Dt at many points, see `_equation.fields`."""
     out = np.zeros((len(places), eq.MATERIAL_AT + 3))
-    (eq.fields if fast else eq.fields_of)(times, np.ascontiguousarray(places), work, out)
+    (eq.fields if fast else eq.fields_with)(times, np.ascontiguousarray(places), work, out)
     return out

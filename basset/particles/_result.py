@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from basset.particles import _equation as eq
+from basset.particles._grid import fields_of
 from basset.particles._march import LEFT, STATUSES, Paths, Swarm
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
     work = sources.own[0]
     velocities = np.full_like(places, np.nan)
     forces = np.full((len(eq.KINDS), *places.shape), np.nan)
-    (eq.forces if sources.fast else eq.forces_of)(paths.times, places, slips, paths.histories * speed, work, mass, velocities, forces)
+    (eq.forces if sources.fast else eq.forces_with)(paths.times, places, slips, paths.histories * speed, work, mass, velocities, forces)
     acting = [k for k, kind in enumerate(eq.KINDS) if not ((kind == "lift" and sources.lift is None) or (kind == "history" and not history))]
     path = ("particle", "time", "component")
 
@@ -64,8 +65,7 @@ def dataset(paths: Paths, swarm: Swarm, history: bool, mass: float, attributes: 
         whose = np.array([seen.particle[k] for k in kept_ones], dtype=np.int32)
         times = np.array([seen.time[k] for k in kept_ones])
         where, slip = states[:, :d] * swarm.scales[whose, :1], states[:, d:] * swarm.scales[whose, 1:]
-        found = np.zeros((len(whose), eq.MATERIAL_AT + 3))
-        (eq.fields if sources.fast else eq.fields_of)(times, where, work, found)
+        found = fields_of(work, times, where, sources.fast)
         one = ("occurrence",)
         fields |= {
             "event_time": variable(one, times, "s", "when it happened"),

@@ -78,7 +78,7 @@ class Sources:
     @property
     def motion(self) -> Callable[..., Any]:
         """The right-hand side without history."""
-        return eq.compiled_motion if self.fast else eq.motion_of
+        return eq.compiled_motion if self.fast else eq.motion_with
 
     @property
     def leaves(self) -> Callable[..., Any] | None:
@@ -92,7 +92,7 @@ class Sources:
         """A user's event function and jump of (t, position, velocity) as functions of the state."""
         if self.fast and is_compiled(event) and (jump is None or is_compiled(jump)):
             return _watching(event), None if jump is None else _leaping(jump)
-        located = eq.compiled_located if self.fast else eq.located_of
+        located = eq.compiled_located if self.fast else eq.located_with
         return partial(_seen, located, event), None if jump is None else partial(_leapt, located, jump)
 
 

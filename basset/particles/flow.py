@@ -162,8 +162,7 @@ class Flow:
 
         Parameters
         ----------
-        t : float, seconds
-        x : array_like (d,) or (n, d), m
+        t, x : float, seconds; array_like (d,) or (n, d), m
 
         Returns
         -------
@@ -177,8 +176,7 @@ class Flow:
 
         Parameters
         ----------
-        t : float, seconds
-        x : array_like (d,) or (n, d), m
+        t, x : float, seconds; array_like (d,) or (n, d), m
 
         Returns
         -------
@@ -192,8 +190,7 @@ class Flow:
 
         Parameters
         ----------
-        t : float, seconds
-        x : array_like (d,) or (n, d), m
+        t, x : float, seconds; array_like (d,) or (n, d), m
 
         Returns
         -------

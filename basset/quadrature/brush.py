@@ -16,15 +16,8 @@ from basset.weights.table import Recipe, Stencil
 class Simpson(Stencil):
     """g_n ∫K on the last step, Simpson's rule on all older pairs of panels."""
 
-    @property
-    def reach(self) -> int:
-        """The trapezoid's and Simpson's last."""
-        return 2
-
-    @property
-    def first(self) -> int:
-        """A panel of Simpson."""
-        return 3
+    reach: ClassVar[int] = 2  # the trapezoid's and Simpson's last
+    first: ClassVar[int] = 3  # a panel of Simpson
 
     def short(self, n: int, kernel: Kernel, input: str) -> Floats:
         """The last step alone, or with a trapezoid."""
@@ -68,12 +61,8 @@ class Brush(Rule):
     """
 
     name: ClassVar[str] = "brush"
+    error_order: ClassVar[float] = 0.5
     references: ClassVar[tuple[str, ...]] = ("Brush, Ho & Yen (1964), J. Hydraul. Div. 90, 149",)
-
-    @property
-    def error_order(self) -> float:
-        """1/2, dimensionless."""
-        return 0.5
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The whole history."""

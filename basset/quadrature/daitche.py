@@ -46,12 +46,8 @@ class Daitche(Rule):
     order: int = 3
 
     name: ClassVar[str] = "daitche"
+    inputs: ClassVar[tuple[str, ...]] = ("rate", "slip")
     references: ClassVar[tuple[str, ...]] = ("Daitche (2013), J. Comput. Phys. 254, 93",)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Both: rates, and slips as in Daitche's own form."""
-        return ("rate", "slip")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "order", _validate.integer("order", self.order, 1, MAXIMUM_ORDER))

@@ -45,12 +45,8 @@ class EulerMaclaurin(Rule):
     """
 
     name: ClassVar[str] = "euler_maclaurin"
+    error_order: ClassVar[float] = 0.5
     references: ClassVar[tuple[str, ...]] = ("Press et al. (1992), Numerical Recipes, section 4.4",)
-
-    @property
-    def error_order(self) -> float:
-        """1/2, dimensionless."""
-        return 0.5
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The whole history."""

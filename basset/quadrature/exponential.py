@@ -62,9 +62,7 @@ class Exponential(Rule):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "order", _validate.integer("order", self.order, 1, MAXIMUM_ORDER))
-        object.__setattr__(self, "rtol", _validate.positive("rtol", self.rtol))
-        if self.rtol >= 1.0:
-            raise ValueError(f"rtol must be below 1, got {_validate.apart(self.rtol, 1.0)[0]}")
+        object.__setattr__(self, "rtol", _validate.tolerance("rtol", self.rtol))
 
     @property
     def error_order(self) -> float:

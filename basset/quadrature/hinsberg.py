@@ -50,6 +50,7 @@ class Hinsberg(Rule):
     tail: ExponentialSum | bool | None = None
 
     name: ClassVar[str] = "hinsberg"
+    error_order: ClassVar[float] = 2.0
     references: ClassVar[tuple[str, ...]] = ("van Hinsberg, ten Thije Boonkkamp & Clercx (2011), J. Comput. Phys. 230, 1465",)
 
     def __post_init__(self) -> None:
@@ -59,11 +60,6 @@ class Hinsberg(Rule):
             raise TypeError(f"tail must be an ExponentialSum, False or None, got {_validate.shown(self.tail)}")
         if self.window is None and isinstance(self.tail, ExponentialSum):
             raise ValueError(f"window must be given where there is a tail, got window=None with {self.tail!r}")
-
-    @property
-    def error_order(self) -> float:
-        """2, dimensionless."""
-        return 2.0
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -16,15 +16,8 @@ from basset.weights.table import Recipe, Stencil
 class OpenTrapezoid(Stencil):
     """The trapezoid on all panels but the first and the last, whose samples at the ends are extrapolated: 3/2 at both inner neighbours."""
 
-    @property
-    def reach(self) -> int:
-        """The end point and its neighbour."""
-        return 2
-
-    @property
-    def first(self) -> int:
-        """Both neighbours apart."""
-        return 4
+    reach: ClassVar[int] = 2  # the end point and its neighbour
+    first: ClassVar[int] = 4  # both neighbours apart
 
     def short(self, n: int, kernel: Kernel, input: str) -> Floats:
         """A panel without an inner point is a midpoint; two panels have one point for both ends."""
@@ -63,12 +56,8 @@ class NewtonCotes(Rule):
     """
 
     name: ClassVar[str] = "newton_cotes"
+    error_order: ClassVar[float] = 0.5
     references: ClassVar[tuple[str, ...]] = ("Press et al. (1992), Numerical Recipes, (4.1.15)",)
-
-    @property
-    def error_order(self) -> float:
-        """1/2, dimensionless."""
-        return 0.5
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The whole history."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, overload
 import numpy as np
 
 from basset import _validate
-from basset.kernels import AnyKernel, BassetKernel, Floats, Kernel, VaryingSlipKernel
+from basset.kernels import AnyKernel, BassetKernel, Floats, Kernel, VaryingSlipKernel, checked_kernel
 from basset.streaming import LONGEST, Plan, VaryingPlan, slip
 from basset.streaming.state import steps_to
 from basset.weights.table import INPUTS, TABLES, Recipe, step_factor, table
@@ -185,8 +185,7 @@ class Rule(abc.ABC):
 
 def accept(rule: Rule, kernel: Any, input: str) -> None:
     """Raise for what is no kernel, and for an input that the method has no form for."""
-    if not isinstance(kernel, Kernel):
-        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+    checked_kernel(kernel)
     _validate.choice("input", input, INPUTS)
     if input not in rule.inputs:
         raise ValueError(f"input must be 'rate' for {type(rule).__name__}, got {input!r}: the method is defined on samples of the rate df/dt only")

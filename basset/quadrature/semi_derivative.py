@@ -65,20 +65,12 @@ class SemiDerivative(Rule):
     """
 
     name: ClassVar[str] = "semi_derivative"
+    error_order: ClassVar[float] = 1.0
+    inputs: ClassVar[tuple[str, ...]] = ("rate", "slip")
     references: ClassVar[tuple[str, ...]] = (
         "Tatom (1988), Appl. Sci. Res. 45, 283",
         "Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513",
     )
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Both: a semi-integral of rates, a semi-derivative of slips."""
-        return ("rate", "slip")
-
-    @property
-    def error_order(self) -> float:
-        """1, dimensionless."""
-        return 1.0
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The whole history, of the Basset kernel only."""

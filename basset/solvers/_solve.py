@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basset import _validate
-from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
+from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel, checked_kernel
 from basset.solvers.base import Event, Method, Solution, Task, outside, rounding, solution_of
 from basset.solvers.collocation import Collocation
 
@@ -203,8 +203,7 @@ def _task(
         raise ValueError(f"coefficient must be a number or have one entry per component in memory ({len(indices)}), got shape {strength.shape}")
     if not (np.isfinite(strength).all() and (strength >= 0.0).all()):
         raise ValueError(f"coefficient must be finite and 0 or greater (s^(-1/2)), got {_validate.shown(coefficient)}")
-    if not isinstance(kernel, (Kernel, VaryingSlipKernel)):
-        raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(kernel)}")
+    checked_kernel(kernel, VaryingSlipKernel)
     slip = state[indices] if initial_slip is None else np.atleast_1d(_validate.real_array("initial_slip", initial_slip))
     if slip.shape != (len(indices),) and slip.size == 1:
         slip = np.repeat(slip, len(indices))

@@ -372,7 +372,7 @@ class RungeKutta4(_Grid):
     Raises
     ------
     ValueError, TypeError
-        If a parameter is out of range.
+        If dt is not positive, or rule is none.
 
     References
     ----------

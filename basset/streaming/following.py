@@ -167,21 +167,10 @@ def rest(s: SlipStream, steps: int) -> None:
 
 
 class FollowingPlan:
-    """A rule made ready to stream at fixed steps with a kernel that follows the slip.
+    """A rule made ready to stream at fixed steps with a kernel that follows the slip; its arguments: `basset.quadrature.rule.slip_recipes`.
 
-    Parameters
-    ----------
-    recipe, whole : Recipe
-        Of the rule for Basset's kernel and of the same rule over the whole history for this one, see `basset.quadrature.rule.slip_recipes`. A
-        window before a fitted sum is part of that sum here: both follow the slip, to the smaller of `EXACT` and its error.
-    dt : float, seconds
-    steps : int
-    kernel : VaryingSlipKernel
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the sum is a published one, or none is exact enough.
+    A window before a fitted sum is part of that sum here: both follow the slip, to the smaller of `EXACT` and its error. ValueError if the sum is a
+    published one, or none is exact enough.
     """
 
     def __init__(self, recipe: Recipe, whole: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel) -> None:

@@ -21,8 +21,6 @@ class JumpWindow:
     A rule of first order or less has no segments: its samples before that jump are dropped, and it begins anew there. Over the whole past
     with segments, or with exponentials, a copy of the memory is kept for every jump; a window of time besides is not allowed for.
 
-    Examples
-    --------
     >>> import basset
     >>> plan = basset.SemiDerivative().plan(0.1, 1.0)
     >>> state, window = plan.start(1), JumpWindow(plan, 1)

@@ -27,7 +27,7 @@ from basset import _validate
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.streaming.jumps import WithJumps
-from basset.streaming.state import Array, AtNewest, State, Tables, beyond, owned, sample_of
+from basset.streaming.state import Array, AtNewest, State, Tables, beyond, block_of, owned, sample_of, shaped
 from basset.weights.polynomials import lagrange
 from basset.weights.table import TABLES, Recipe, WeightTable, filtered_by, table
 
@@ -175,8 +175,7 @@ class Plan(AtNewest, WithJumps):
         ValueError, TypeError
             If the shape is not made of whole numbers of 0 or more.
         """
-        shape = shape if isinstance(shape, tuple) else (shape,)
-        components = math.prod(_validate.integer("shape", size, 0) for size in shape)
+        shape, components = shaped(shape)
         samples, terms, future = (np.zeros((components, width)) for width in self._widths.values())
         return State(samples, terms, future, np.zeros(shape), np.zeros(3))
 
@@ -227,10 +226,8 @@ class Plan(AtNewest, WithJumps):
         from basset.streaming import _loops
 
         self._own(state)
-        rates = G if type(G) is np.ndarray and G.dtype == np.float64 else _validate.real_array("G", G)
         shape = state.history.shape
-        if rates.shape[1:] != shape or rates.ndim == 0:
-            raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        rates = block_of(G, shape)
         count, node, pending = (int(counter) for counter in state.counters)
         steps = len(rates)
         if self.steps is not None and node + steps > self.steps + 1:
@@ -272,7 +269,7 @@ class Plan(AtNewest, WithJumps):
         return result.reshape(state.history.shape) if state.history.ndim else float(result[0])
 
     def local(self, state: State) -> float:
-        """The factor of the next sample in H at the next node.
+        """The factor of the next sample in H at the next node; errors as `tail`.
 
         Parameters
         ----------
@@ -281,11 +278,6 @@ class Plan(AtNewest, WithJumps):
         Returns
         -------
         float, s^(1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `tail`.
         """
         self._room(state)
         n, tables = int(state.counters[0]), self.tables

@@ -27,7 +27,7 @@ from basset._compile import placed
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, MeiAdrianKernel, VaryingSlipKernel, gauss_legendre
 from basset.spectrum import SlipTable, grid_of, pieces, slip_table
-from basset.streaming.state import beyond, owned, sample_of
+from basset.streaming.state import beyond, block_of, owned, sample_of, shaped
 from basset.weights.polynomials import lagrange
 from basset.weights.table import Recipe, Stencil, WeightTable
 
@@ -72,17 +72,14 @@ class VaryingPlan:
 
     def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
         """An empty state for samples of that shape."""
-        shape = shape if isinstance(shape, tuple) else (shape,)
-        n = math.prod(_validate.integer("shape", size, 0) for size in shape)
+        shape, n = shaped(shape)
         lags, memory = self._widths
         return VaryingState(np.zeros((n, lags)), np.zeros((n, lags)), np.zeros((n, memory)), np.zeros(n), np.zeros(shape), np.zeros(2))
 
     def run(self, state: VaryingState, G: ArrayLike, slip: ArrayLike) -> Floats:
         """Accept a block of rates (steps, *shape) with the slips at the same nodes, in place; H (steps, *shape) at each."""
-        rates = _validate.real_array("G", G)
         shape = state.history.shape
-        if rates.ndim == 0 or rates.shape[1:] != shape:
-            raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        rates = block_of(G, shape)
         lags, memory = self._widths
         owned(state, VaryingState, {"samples": lags, "impulses": lags, "memory": memory})
         node, steps = int(state.counters[0]), len(rates)

@@ -40,16 +40,7 @@ class AtNewest:
     """What any plan reads from a state of its own."""
 
     def value(self, state: Any) -> Any:
-        """H at the newest node, shape of one sample; 0 after the first push (an initial jump counts from the next node on).
-
-        Parameters
-        ----------
-        state : State or UnevenState
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-        """
+        """H at the newest node, shape of one sample, unit of f × s^(-1/2); 0 after the first push (an initial jump counts from the next node on)."""
         return state.history.copy() if state.history.ndim else float(state.history)
 
 
@@ -89,6 +80,20 @@ def owned(state: Any, kind: type[Any], widths: dict[str, int]) -> None:
         shape = getattr(state, name).shape
         if shape != (components, width):
             raise ValueError(f"state must belong to this plan: state.{name} must have the shape {(components, width)}, got {shape}")
+
+
+def shaped(shape: tuple[int, ...] | int) -> tuple[tuple[int, ...], int]:
+    """The shape of one sample, and how many components it has; ValueError, TypeError if it is not made of whole numbers of 0 or more."""
+    shape = shape if isinstance(shape, tuple) else (shape,)
+    return shape, math.prod(_validate.integer("shape", size, 0) for size in shape)
+
+
+def block_of(G: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """`G` as samples (steps, *shape), which need not be finite."""
+    rates = G if type(G) is np.ndarray and G.dtype == np.float64 else _validate.real_array("G", G)
+    if rates.ndim == 0 or rates.shape[1:] != shape:
+        raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+    return rates
 
 
 def steps_to(horizon: float, dt: float) -> int:

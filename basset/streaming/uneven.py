@@ -20,7 +20,7 @@ from basset.exponentials import ExponentialSum, _geometric, _has_geometric
 from basset.kernels import Floats, Kernel, MeiAdrianKernel
 from basset.positive_sums import positive_sum
 from basset.streaming._uneven import decays, run
-from basset.streaming.state import Array, AtNewest, owned, sample_of
+from basset.streaming.state import Array, AtNewest, block_of, owned, sample_of, shaped
 from basset.weights._panels import DEPTH
 from basset.weights.uneven import at_node, pieces
 
@@ -69,19 +69,7 @@ def planned(kernel: Kernel, rtol: float, near: float, far: float) -> Planned:
 
 
 def check_times(t: Floats, rows: NDArray[np.integer[Any]], shortest: float = 0.0) -> None:
-    """Refuse times that fall, that stand more than twice, and steps that are too short.
-
-    Parameters
-    ----------
-    t : ndarray (nodes,), seconds
-    rows : ndarray (nodes,)
-        Their numbers, for messages.
-    shortest : float, seconds
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse times (s) that fall or stand more than twice, and steps below `shortest` (s); `rows` are their numbers, for messages."""
     steps = np.diff(t)
     if (steps < 0.0).any():
         k = int(np.argmax(steps < 0.0))
@@ -115,36 +103,11 @@ class UnevenState(NamedTuple):
 
 
 class UnevenPlan(AtNewest):
-    """`Exponential` made ready to stream at any times; create it with `Exponential.uneven_plan(horizon)`.
+    """`Exponential` made ready to stream at any times, by `Exponential.uneven_plan`: the methods of `basset.streaming.Plan`, with the time of every sample.
 
-    Parameters
-    ----------
-    order : int
-        Degree of the polynomials, 1 to 3.
-    rtol : float, dimensionless
-        Promised relative error of the kernel.
-    shortest : float, seconds
-        The shortest step.
-    horizon : float, seconds
-        The longest time that will be remembered.
-    kernel : Kernel
-        The memory kernel K.
+    `shortest` (s) is the shortest step that may be taken, longer than asked for where no sum for the kernel is so long; `tail_sum` stands for the kernel
+    from that lag on.
 
-    Attributes
-    ----------
-    order, horizon, kernel : as given
-    shortest : float, seconds
-        The shortest step that may be taken: longer than given where no sum for the kernel is so long.
-    tail_sum : ExponentialSum
-        The sum that stands for the kernel from that lag on.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `Exponential.uneven_plan`.
-
-    Examples
-    --------
     >>> import basset
     >>> plan = basset.Exponential(order=3, rtol=1e-10).uneven_plan(horizon=10.0)
     >>> state = plan.start()
@@ -161,81 +124,32 @@ class UnevenPlan(AtNewest):
         self.shortest = self.tail_sum.near / ROUNDED
 
     def start(self, shape: tuple[int, ...] | int = ()) -> UnevenState:
-        """An empty state for samples of that shape.
-
-        Parameters
-        ----------
-        shape : tuple of int or int
-            Shape of one sample.
-
-        Returns
-        -------
-        UnevenState
-
-        Raises
-        ------
-        ValueError, TypeError
-            If the shape is not made of whole numbers of 0 or more.
-        """
-        shape = shape if isinstance(shape, tuple) else (shape,)
-        components = math.prod(_validate.integer("shape", size, 0) for size in shape)
+        """An empty state for samples of that shape."""
+        shape, components = shaped(shape)
         samples, terms, impulse = (np.zeros((components, width)) for width in self._widths.values())
         return UnevenState(samples, terms, impulse, np.zeros(shape), np.zeros(KEPT), np.zeros(3))
 
     def push(self, state: UnevenState, g: ArrayLike, t: float) -> None:
-        """Accept the next sample, in place.
+        """Accept the next rate, in place, at the time t (s): after the last one by the shortest step or more, or the same again where the rate jumps.
 
-        Parameters
-        ----------
-        state : UnevenState
-            Changed in place.
-        g : array_like, shape of one sample, unit of f per second
-            The rate df/dt.
-        t : float, seconds
-            Its time: after the last one by the shortest step or more, or the same again where the rate jumps.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If the sample has another shape, a number is not finite, the time falls, the step is too short or the horizon exceeded; the state is then
-            unchanged.
+        ValueError, TypeError if the sample has another shape, a number is not finite, the time falls, the step is too short or the horizon exceeded; the state
+        is then unchanged.
         """
         self._own(state)
         self.run(state, sample_of("g", g, state.history.shape)[None], [_validate.number("t", t)])
 
     def run(self, state: UnevenState, G: ArrayLike, t: ArrayLike) -> Array:
-        """Accept a block of samples, in place, and return H at each of them.
-
-        Parameters
-        ----------
-        state : UnevenState
-            Changed in place.
-        G : array_like (steps, *shape), unit of f per second
-            Rates df/dt.
-        t : array_like (steps,), seconds
-            Their times.
-
-        Returns
-        -------
-        ndarray of float64 (steps, *shape), unit of f × s^(-1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `push`; the state is then unchanged.
-        """
+        """Accept a block of rates (steps, *shape) at the times t (steps,), s, in place; H (steps, *shape) at each. Errors as `push`."""
         self._own(state)
         shape, count, begin = state.history.shape, int(state.counters[0]), int(state.counters[1])
-        rates, times = _validate.real_array("G", G), _validate.real_array("t", t)
-        if rates.shape[1:] != shape or rates.ndim == 0:
-            raise ValueError(f"G must have the shape (steps, *{shape}), got {rates.shape}")
+        rates, times = block_of(G, shape), _validate.real_array("t", t)
         if times.shape != rates.shape[:1]:
             raise ValueError(f"t must have the shape {rates.shape[:1]}, one time for each sample, got {times.shape}")
         for name, values in (("G", rates), ("t", times)):
             if not np.isfinite(values).all():
                 raise _validate.not_finite(values, 0, name)
         if not len(rates):
-            return rates
+            return np.empty_like(rates)
         kept = min(count, KEPT)
         times = np.concatenate([state.times[KEPT - kept :], times])
         rates = np.ascontiguousarray(np.concatenate([state.samples[:, KEPT - kept :].T, rates.reshape(len(rates), math.prod(shape))]))
@@ -255,44 +169,12 @@ class UnevenPlan(AtNewest):
         return history[kept:].reshape(len(history) - kept, *shape)
 
     def tail(self, state: UnevenState, t: float) -> Any:
-        """The part of H at the next time that does not depend on the sample there: H = tail + local·g.
-
-        Parameters
-        ----------
-        state : UnevenState
-        t : float, seconds
-            The next time.
-
-        Returns
-        -------
-        float64, shape of one sample, unit of f × s^(-1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `push`.
-        """
+        """The part of H at the next time t (s) that does not depend on the sample there, shape of one sample: H = tail + local·g. Errors as `push`."""
         self._own(state)
         return self.run(UnevenState(*(array.copy() for array in state)), np.zeros((1, *state.history.shape)), [_validate.number("t", t)])[0]
 
     def local(self, state: UnevenState, t: float) -> float:
-        """The factor of the sample at the next time in H there.
-
-        Parameters
-        ----------
-        state : UnevenState
-        t : float, seconds
-            The next time.
-
-        Returns
-        -------
-        float, s^(1/2)
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `push`.
-        """
+        """The factor, s^(1/2), of the sample at the next time t (s) in H there. Errors as `push`."""
         self._own(state)
         alone = self.start()._replace(times=state.times.copy(), counters=state.counters.copy())
         return float(self.run(alone, [1.0], [_validate.number("t", t)])[0])
@@ -300,17 +182,8 @@ class UnevenPlan(AtNewest):
     def jump(self, state: UnevenState, delta: ArrayLike) -> None:
         """Remember a jump of f at the newest sample, in place: it adds delta·K from the next one on.
 
-        Parameters
-        ----------
-        state : UnevenState
-            With at least one sample; changed in place.
-        delta : array_like, number or shape of one sample, unit of f
-            f after minus f before. Where the rate jumps too, push its new value next, at the same time: no polynomial straddles the jump then.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If there is no sample yet, a shape is wrong or a number is not finite.
+        Where the rate jumps too, push its new value next, at the same time: no polynomial straddles the jump then. ValueError, TypeError if there is no sample
+        yet, a shape is wrong or a number is not finite.
         """
         self._own(state)
         if not state.counters[0]:
@@ -328,22 +201,7 @@ class UnevenPlan(AtNewest):
 
 
 def trajectory(t: Floats, g: Floats, order: int, rtol: float, kernel: Kernel, slip: bool, leaps: Floats) -> Floats:
-    """H at all nodes for samples (nodes, components) at rising times from 0 on, without what is infinite at a jump; arguments as `pieces`.
-
-    Parameters
-    ----------
-    t : ndarray (nodes,), seconds
-    g : ndarray (nodes, components), unit of f per second, or of f
-    order : int
-    rtol : float, dimensionless
-    kernel : Kernel
-    slip : bool
-    leaps : ndarray (nodes, components), unit of f
-
-    Returns
-    -------
-    ndarray (nodes, components), unit of f × s^(-1/2)
-    """
+    """H at all nodes for samples (nodes, components) at rising times from 0 on, without what is infinite at a jump; arguments as `pieces`."""
     steps = np.diff(t)
     steps = steps[steps > 0.0]
     history = np.zeros_like(g)

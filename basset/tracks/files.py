@@ -19,18 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from basset import _validate, samples
-from basset._files import is_stream, replacing
+from basset._files import is_stream, lock, replacing
 from basset.kernels import Floats
 from basset.tracks.forces import Particle
 from basset.tracks.layout import IDS, Tracks
 
 if TYPE_CHECKING:
     import xarray
-
-try:
-    import fcntl
-except ImportError:  # not a POSIX system
-    fcntl = None  # type: ignore[assignment]  # a module or nothing: Windows has no such locks
 
 SAMPLES = 1 << 18  # of a chunk, about
 
@@ -200,11 +195,10 @@ def _growing(output: Path, header: bytes, size: int, bounds: Any, force: bool) -
         with replacing(growing) as name:
             Path(name).write_bytes(header)
     with growing.open("r+b") as file:
-        if fcntl is not None:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise ValueError(f"{str(growing)!r} is being written by another process: wait until it is done, or give another output") from None
+        try:
+            lock(file)
+        except BlockingIOError:
+            raise ValueError(f"{str(growing)!r} is being written by another process: wait until it is done, or give another output") from None
         records = (growing.stat().st_size - len(header)) // size
         begin = int(np.searchsorted(bounds, records, side="right")) - 1
         file.truncate(len(header) + int(bounds[begin]) * size)

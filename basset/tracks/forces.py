@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from basset import __version__, _validate
-from basset.kernels import Floats, Kernel
+from basset.kernels import Floats, Kernel, checked_kernel
 from basset.particles._equation import schiller_naumann
 from basset.quadrature import Exponential
 from basset.streaming.uneven import Planned, planned
@@ -49,8 +49,7 @@ class Particle:
             _validate.choice(name, getattr(self, name), options)
         _validate.integer("order", self.order, 1, HIGHEST)
         Exponential(self.order, self.rtol)  # checks it
-        if not isinstance(self.kernel, Kernel):
-            raise TypeError(f"kernel must be a kernel such as basset.BassetKernel(), got {_validate.shown(self.kernel)}")
+        checked_kernel(self.kernel)
 
     @property
     def degree(self) -> int:

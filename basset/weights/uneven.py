@@ -38,23 +38,7 @@ class Pieces(NamedTuple):
 
 
 def pieces(t: Floats, g: Floats, order: int, slip: bool, leaps: Floats) -> Pieces:
-    """Polynomials through samples (nodes, components) at rising times.
-
-    Parameters
-    ----------
-    t : ndarray (nodes,), seconds
-    g : ndarray (nodes, components), unit of f per second, or of f
-    order : int
-        Degree, 1 to 3.
-    slip : bool
-        Whether samples are of f.
-    leaps : ndarray (nodes, components), unit of f
-        By how much f jumps at each node.
-
-    Returns
-    -------
-    Pieces
-    """
+    """Polynomials of degree `order` (1 to 3) through samples (nodes, components), rates or slips, at rising times (s); f jumps by `leaps` at the nodes."""
     final, newest, early = (np.zeros((*g.shape, 4)) for _ in range(3))
     polynomials(t, g, order, slip, final, newest, early, np.empty(2), np.empty(2, dtype=np.int64))
     return Pieces(t, final, newest, early, np.diff(t, prepend=t[0]) == 0.0, leaps)
@@ -65,17 +49,6 @@ def panel_moments(kernel: Kernel, near: Floats, sizes: Floats) -> Floats:
 
     Gauss–Legendre where K is smooth over the panel, as for uniform steps; the kernel's own rule where the panel is longer than its lag.
 
-    Parameters
-    ----------
-    kernel : Kernel
-    near, sizes : ndarray (panels,), seconds
-
-    Returns
-    -------
-    ndarray (panels, 4), s^(1/2)
-
-    Examples
-    --------
     >>> import basset
     >>> panel_moments(basset.BassetKernel(), np.array([0.0, 3.0]), np.array([1.0, 1.0]))[:, 0].round(12)  # 2, and 2·√4 − 2·√3
     array([2.        , 0.53589838])
@@ -95,18 +68,7 @@ def panel_moments(kernel: Kernel, near: Floats, sizes: Floats) -> Floats:
 
 
 def at_node(made: Pieces, n: int, kernel: Kernel) -> Floats:
-    """H at node n by its definition: (components,).
-
-    Parameters
-    ----------
-    made : Pieces
-    n : int
-    kernel : Kernel
-
-    Returns
-    -------
-    ndarray (components,), unit of f × s^(-1/2)
-    """
+    """H at node n by its definition: (components,)."""
     t = made.t[: n + 1]
     result = np.zeros(made.final.shape[1])
     if n:

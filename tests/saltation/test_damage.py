@@ -275,7 +275,7 @@ def test_a_lock_of_another_machine_is_left_alone(tmp_path, content):
 
 
 def test_where_the_system_has_no_locks_the_process_counts(tmp_path, monkeypatch):
-    monkeypatch.setattr(_files, "fcntl", None)
+    monkeypatch.setattr("basset._files.fcntl", None)
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     for process, free in ((dead.pid, True), (os.getpid(), False), ("x", False)):
