@@ -240,16 +240,11 @@ class ExponentialSum:
 
         Parameters
         ----------
-        window : float, seconds
+        window : float, seconds, greater than 0
 
         Returns
         -------
-        ExponentialSum
-
-        Raises
-        ------
-        ValueError, TypeError
-            If the window is not positive.
+        ExponentialSum, as printed
 
         References
         ----------
@@ -277,7 +272,7 @@ class ExponentialSum:
 
         Returns
         -------
-        ExponentialSum
+        ExponentialSum, as printed
 
         Raises
         ------

@@ -141,12 +141,17 @@ def seconds(name: str) -> float | None:
     """
     if not _is_time(name):
         return None
-    named = NAME.fullmatch(name.strip())
-    unit = next((found for found in named.groups() if found), "") if named else ""
+    unit = _unit_in(name)
     found = _seconds(unit) if unit else 1.0
     if found is None:
         raise ValueError(f"times must be in {KNOWN}, got the unit {unit!r} in {name!r}")
     return found
+
+
+def _unit_in(name: str) -> str:
+    """The unit in a name of times, as in "time (ms)"; empty without any."""
+    named = NAME.fullmatch(name.strip())
+    return next((found for found in named.groups() if found), "") if named else ""
 
 
 def _evenness(times: Floats) -> tuple[float, Floats]:
@@ -173,10 +178,8 @@ def _times(path: Path, values: Floats, unit: float = 1.0, dtype: Any = None) -> 
 
 def _unit(path: Path, name: str, units: str | None) -> float:
     """Seconds in the unit of the times `name`: of its attribute ("ms", "days since 1970-01-01"), or of its name ("time (ms)"); 1 without any."""
-    if units is None:
-        named = NAME.fullmatch(name.strip())
-        units = next((found for found in named.groups() if found), None) if named else None
-    if units is None or not units.strip():
+    units = _unit_in(name) if units is None else units
+    if not units.strip():
         return 1.0
     seconds = _seconds(re.split(r"\s+since\s", units.strip(), flags=re.IGNORECASE)[0])
     if seconds is None:

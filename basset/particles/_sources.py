@@ -58,7 +58,7 @@ class Sources:
             for k, (law, size) in enumerate(laws):
                 if callable(law) and not isinstance(law, Flow):
                     kept.append(np.zeros(size, dtype=np.int64))
-                    made = {eq.OF_GRADIENT: _flattened, eq.OF_DRAG: _of_number}.get(k, _itself)(law)
+                    made = _flattened(law) if k == eq.OF_GRADIENT else _of_number(law) if k == eq.OF_DRAG else law
                     functions[k] = c_function(made, (), kept[-1], k == eq.OF_DRAG)
         else:
             work.functions = [None] * len(laws)
@@ -109,10 +109,6 @@ def _filled(law: Any, what: str, shape: tuple[int, ...], t: float, y: Any, out: 
     size = len(shape) and shape[0]
     found = checked(what, law(t, y[:size].copy()) if size else law(float(y[0])), shape)
     out[: len(found)] = found
-
-
-def _itself(law: Any) -> Any:
-    return law
 
 
 @lru_cache(maxsize=64)

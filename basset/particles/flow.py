@@ -162,7 +162,8 @@ class Flow:
 
         Parameters
         ----------
-        t, x : float, seconds; array_like (d,) or (n, d), m
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
 
         Returns
         -------
@@ -190,7 +191,7 @@ class Flow:
 
         Parameters
         ----------
-        t, x : float, seconds; array_like (d,) or (n, d), m
+        t, x : as of the gradient: seconds; array_like (d,) or (n, d), m
 
         Returns
         -------

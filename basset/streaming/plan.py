@@ -274,6 +274,7 @@ class Plan(AtNewest, WithJumps):
         Parameters
         ----------
         state : State
+            Of this plan.
 
         Returns
         -------
