@@ -226,6 +226,12 @@ def pieces(low: float, cells: int, step: float) -> tuple[Floats, Floats]:
     return low + step * (np.arange(cells)[:, None] + 0.5 * (1.0 + u)), np.linalg.inv(np.vander(u, increasing=True)).T
 
 
+def pieces_between(low: float, high: float, step: float, reach: float) -> tuple[float, Floats, Floats]:
+    """`pieces` over −ln C^(2/3), for ln C^(2/3) from `low` to `high`, behind where they begin; beyond `reach` K(s; C) is Basset's."""
+    begin = -high - 0.005 * step
+    return begin, *pieces(begin, max(1, math.ceil((high - max(low, -reach)) / step + 0.01)), step)
+
+
 @lru_cache(maxsize=8)
 def spectral_table(c1: float = 2.0, fine: bool = False) -> SpectralTable:
     """The table of ρ, one row, for `ratio_at`. Errors as `spectral_ratio`; made once per c1, in some three milliseconds."""

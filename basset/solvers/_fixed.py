@@ -264,10 +264,10 @@ def local_of(stream):
     return stream.coming[1] if isinstance(stream, SlipStream) else steady_local(stream)
 
 
-def look_ahead(stream, tail):
-    """H at the next node for a next sample of zero, into `tail`; nothing yet where it follows the slip there."""
+def look_ahead(stream, into):
+    """H at the next node for a next sample of zero; nothing yet where it follows the slip there."""
     if not isinstance(stream, SlipStream):
-        steady_look(stream, tail)
+        steady_look(stream, into)
 
 
 def follow(stream, where, room):
@@ -281,10 +281,10 @@ def accept_sample(stream, sample, tail):
     (slip_accept if isinstance(stream, SlipStream) else steady_accept)(stream, sample, tail)
 
 
-def add_earlier(stream, past):
+def add_earlier(stream, into):
     """Add what came before the segment at its first nodes; one that follows the slip has no segments."""
     if not isinstance(stream, SlipStream):
-        steady_earlier(stream, past)
+        steady_earlier(stream, into)
 
 
 @shared
@@ -297,12 +297,12 @@ def steady_local(stream):
 
 
 @shared
-def steady_look(stream, tail):
+def steady_look(stream, into):
     """Of a plan."""
     s = stream
     count, node, pending = int(s.counters[0]), int(s.counters[1]), int(s.counters[2])
     peek(
-        s.samples, s.terms, s.future, count, node, pending, s.slots, s.short, s.oldest, s.interior, s.steady, s.fixed, s.loss, s.gains, s.entry, tail
+        s.samples, s.terms, s.future, count, node, pending, s.slots, s.short, s.oldest, s.interior, s.steady, s.fixed, s.loss, s.gains, s.entry, into
     )  # fmt: skip
 
 
@@ -316,17 +316,17 @@ def steady_accept(stream, sample, tail):
 
 
 @shared
-def steady_earlier(stream, past):
+def steady_earlier(stream, into):
     """Of a plan."""
-    count, node, pending = len(past), int(stream.counters[1]), int(stream.counters[2])
-    for b in range(past.shape[1]):
+    count, node, pending = len(into), int(stream.counters[1]), int(stream.counters[2])
+    for b in range(into.shape[1]):
         for i in range(min(count, pending)):
-            past[i, b] += stream.future[b, (node + i) % stream.future.shape[1]]
+            into[i, b] += stream.future[b, (node + i) % stream.future.shape[1]]
         for q in range(len(stream.loss)):
             term = stream.terms[b, q]
             for i in range(count):
                 term -= stream.loss[q] * term
-                past[i, b] += term
+                into[i, b] += term
 
 
 @shared
@@ -354,12 +354,14 @@ def _local_of(stream):
     return slip_local if stream.kind.instance_class is SlipStream else steady_local
 
 
-@overloads(look_ahead)
-def _look_ahead(stream, tail):
-    def none(stream, tail):
-        pass
+@shared
+def nothing(stream, into):
+    """Of a memory that follows the slip."""
 
-    return none if stream.kind.instance_class is SlipStream else steady_look
+
+@overloads(look_ahead)
+def _look_ahead(stream, into):
+    return nothing if stream.kind.instance_class is SlipStream else steady_look
 
 
 @overloads(follow)
@@ -376,11 +378,8 @@ def _accept_sample(stream, sample, tail):
 
 
 @overloads(add_earlier)
-def _add_earlier(stream, past):
-    def none(stream, past):
-        pass
-
-    return none if stream.kind.instance_class is SlipStream else steady_earlier
+def _add_earlier(stream, into):
+    return nothing if stream.kind.instance_class is SlipStream else steady_earlier
 
 
 @shared

@@ -19,7 +19,7 @@ import numpy as np
 from basset._compile import compiled, shared
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
-from basset.spectrum import Following, following_sum, grid_of, log_stretch_of, pieces, ratio_at, slip_table, weight_ratio
+from basset.spectrum import Following, following_sum, grid_of, log_stretch_of, pieces_between, ratio_at, slip_table, weight_ratio
 from basset.streaming.slip import _unit_kernel
 from basset.weights.table import Recipe, Stencil, WeightTable
 
@@ -270,8 +270,7 @@ def rows_of(stencil: Stencil, lag: int | None, last: int, c1: float, low: float,
             result[last, :lag] = weights.interior(lag)[::-1]
         return result
 
-    basset, begin = rows(BassetKernel()), -high - 0.005 * step
-    points, coefficients = pieces(begin, max(1, math.ceil((high - max(low, -reach)) / step + 0.01)), step)
+    basset, (begin, points, coefficients) = rows(BassetKernel()), pieces_between(low, high, step, reach)
     found = np.stack([rows(_unit_kernel(math.exp(-1.5 * point), c1)) for point in points.ravel()]) / np.where(basset == 0.0, 1.0, basset)
     ratios = np.moveaxis(found.reshape(*points.shape, -1), -1, 0)  # (row·lag, cell, point)
     return widths, basset, begin, 1.0 / step, np.ascontiguousarray(ratios @ coefficients)

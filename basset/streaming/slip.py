@@ -26,7 +26,7 @@ from basset import _validate
 from basset._compile import placed
 from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, MeiAdrianKernel, VaryingSlipKernel, gauss_legendre
-from basset.spectrum import SlipTable, grid_of, pieces, slip_table
+from basset.spectrum import SlipTable, grid_of, pieces_between, slip_table
 from basset.streaming.state import beyond, block_of, owned, sample_of, shaped
 from basset.weights.polynomials import lagrange
 from basset.weights.table import Recipe, Stencil, WeightTable
@@ -297,8 +297,7 @@ def _local(degree: int, c1: float, low: float, high: float, fine: bool) -> SlipT
         count, end = min(n, degree) + 1, n if n <= degree else degree // 2 + 1
         rows[n - 1, :count] = np.where(s < end, weighted, 0.0) * lagrange(np.arange(float(count)), s)[0].T
     sums, (step, reach) = rows.reshape(-1, len(s)), grid_of(c1, fine)
-    basset, begin = np.asarray(sums.sum(axis=1)), -high - 0.005 * step
-    points, coefficients = pieces(begin, max(1, math.ceil((high - max(low, -reach)) / step + 0.01)), step)
+    basset, (begin, points, coefficients) = np.asarray(sums.sum(axis=1)), pieces_between(low, high, step, reach)
     ratios = (1.0 + np.exp(-1.5 / c1 * (points[..., None] - np.log(s)))) ** -c1 @ sums.T / np.where(basset == 0.0, 1.0, basset)
     return SlipTable(basset, np.zeros(0), begin, 1.0 / step, np.ascontiguousarray(np.moveaxis(ratios, -1, 0) @ coefficients))
 
