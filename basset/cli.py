@@ -65,29 +65,10 @@ def main() -> None:
     """The Basset history force: which scheme to take, how schemes compare on your samples, and their weights."""
 
 
-def with_kernel(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of the memory kernel."""
-    options = (
-        click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
-        click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
-        click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
-        click.option("--diameter", type=float, help="Diameter of the particle, m; for history, and for all kernels but basset."),
-        click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def with_format(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options that say how numbers are written, and where."""
+def with_options(*options: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """A decorator for commands that share options."""
 
     def added(command: Callable[..., Any]) -> Callable[..., Any]:
-        options = (
-            click.option("--format", "form", default=default, show_default=True, help="table, csv, json, c (a C99 header) or fortran (a 2008 module)."),
-            click.option("--output", type=click.Path(path_type=Path), help="A file instead of the screen."),
-            click.option("--force", is_flag=True, help="Overwrite the output."),
-        )
         for option in reversed(options):
             command = option(command)
         return command
@@ -95,16 +76,27 @@ def with_format(default: str) -> Callable[[Callable[..., Any]], Callable[..., An
     return added
 
 
-def with_samples(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say how a file of samples is read."""
-    options = (
-        click.option("--input", "kind", default="rate", show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
-        click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times in the file]"),
-        click.option("--variable", help="Which variable of a netCDF file."),
+def with_format(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options that say how numbers are written, and where."""
+    return with_options(
+        click.option("--format", "form", default=default, show_default=True, help="table, csv, json, c (a C99 header) or fortran (a 2008 module)."),
+        click.option("--output", type=click.Path(path_type=Path), help="A file instead of the screen."),
+        click.option("--force", is_flag=True, help="Overwrite the output."),
     )
-    for option in reversed(options):
-        command = option(command)
-    return command
+
+
+with_kernel = with_options(
+    click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
+    click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
+    click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
+    click.option("--diameter", type=float, help="Diameter of the particle, m; for history, and for all kernels but basset."),
+    click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
+)
+with_samples = with_options(  # how a file of samples is read
+    click.option("--input", "kind", default="rate", show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
+    click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times in the file]"),
+    click.option("--variable", help="Which variable of a netCDF file."),
+)
 
 
 @main.command()
