@@ -187,7 +187,6 @@ class Engine:
         where = np.arange(self.dimensions, self.dimensions + self.members)
         strength = np.full(self.members, numbers.history)
         self.horizon = horizon if horizon is not None else math.inf
-        self.following = self._following(self.horizon) if follows else STAYS
         least, rest = self.tables.floor, {"singular_factor": factor, "settled": settled}
         self.problem = stepper.Problem(end, span, span, least, tolerance, ATOL * tolerance, 10**12, where, strength, **rest)
         points = 16 if rtol >= 1e-6 else 48
@@ -222,10 +221,13 @@ class Engine:
         roughness = roughness_of(self.scene)
         return layout.Bed(rebound, roughness, 1.0 - roughness.depth + 1e-9, self.scene.run.seed, 0)
 
-    def _following(self, horizon: float) -> Following:
-        """The kernel that follows the slip."""
+    @cached_property
+    def following(self) -> Following:
+        """How the kernel follows the slip; its tables are made when something flies."""
+        if not accuracy(self.scene).follows:
+            return STAYS
         assert self.tables.tail is not None
-        matched = horizon if self.tables.tail.far > horizon else None  # sums for any range have no slow terms to match
+        matched = self.horizon if self.tables.tail.far > self.horizon else None  # sums for any range have no slow terms to match
         reynolds = self.numbers.reynolds
         constants = KERNELS[self.scene.options("history").kernel]
         return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), matched)
