@@ -135,6 +135,19 @@ def stiffness(case, y):
 
 
 @shared
+def relax(room, row, values, start, diagonal):
+    """New rates of a slip: what the diagonal takes is solved for."""
+    right, count = room.right, len(room.right)
+    for i in range(count):
+        right[i] = room.rate[row, i] - diagonal * (values[i] - start)
+    for i in range(count):
+        total = 0.0
+        for k in range(count):
+            total += room.inverse[i, k] * right[k]
+        room.v[row, i] = total
+
+
+@shared
 def solve(case, nodes, room, y, h, past, diagonal):
     """The stages of one step: iterations, negative if it failed."""
     integral, matrix, inverse, right, v, rate, z, p, q = nodes.integral, room.matrix, room.inverse, room.right, room.v, room.rate, room.z, room.p, room.q
@@ -152,20 +165,8 @@ def solve(case, nodes, room, y, h, past, diagonal):
         if iteration > 0:
             for i in range(count):
                 v[1, i] = rate[1, i]
-            for i in range(count):
-                right[i] = rate[2, i] - diagonal * (p[i] - y2)
-            for i in range(count):
-                total = 0.0
-                for k in range(count):
-                    total += inverse[i, k] * right[k]
-                v[2, i] = total
-            for i in range(count):
-                right[i] = rate[3, i] - diagonal * (q[i] - y3)
-            for i in range(count):
-                total = 0.0
-                for k in range(count):
-                    total += inverse[i, k] * right[k]
-                v[3, i] = total
+            relax(room, 2, p, y2, diagonal)
+            relax(room, 3, q, y3, diagonal)
         for i in range(count):
             a, b, c = 0.0, 0.0, 0.0
             for k in range(count):
@@ -420,13 +421,7 @@ def fly(case, nodes, room, y, jumps):
 
 
 def case_of(engine: Any) -> Case:
-    """The case of a simulator's engine that was made for such a scene.
-
-    Raises
-    ------
-    ValueError
-        If the scene is another.
-    """
+    """The case of a simulator's engine that was made for such a scene; ValueError for another scene."""
     scene, numbers = engine.scene, engine.numbers
     if engine.states != 4 or engine.members != 0 or engine.force_names != ("weight", "drag") or scene.bed.rebound != "garcia_nino":
         raise ValueError("scene must hold weight and drag in the plane over a bed with rebound = 'garcia_nino'")

@@ -123,20 +123,9 @@ def _oldest(degree: int, n: int, p: Power, q: Fraction) -> list[Any]:
 
 
 def daitche(degree: int, n: int, arithmetic: str = "double") -> Array:
-    """Daitche's row for degree 1, 2 or 3 (error h², h³, h⁴).
+    """Daitche's row (n+1,) for degree 1, 2 or 3 (α, β or γ of the paper, error h², h³, h⁴) and n steps, at least SMALLEST[degree].
 
-    Parameters
-    ----------
-    degree : int
-        1, 2 or 3: α, β or γ of the paper.
-    n : int
-        Number of steps, at least SMALLEST[degree].
-    arithmetic : {"double", "extended", "quad"}
-        In which the differences of powers are formed; the row is stored in double, as the thesis prescribes.
-
-    Returns
-    -------
-    ndarray of float64 (n+1,), dimensionless
+    Differences of powers are formed in `arithmetic`, "double", "extended" or "quad"; the row is stored in double, as the thesis prescribes.
     """
     if n < SMALLEST[degree]:
         raise ValueError(f"n must be at least {SMALLEST[degree]} for the general rows of degree {degree}, got {n}")

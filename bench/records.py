@@ -129,13 +129,7 @@ ELSEWHERE: Sequence[tuple[str, str, str]] = (  # what, where, why it is not flow
 
 
 def read(path: Path) -> Floats:
-    """The two columns of a record.
-
-    Raises
-    ------
-    ValueError
-        With one sentence, if the file is missing or holds no such columns.
-    """
+    """The two columns of a record; ValueError, with one sentence, if the file is missing or holds no such columns."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED
-from basset._look import legend as _legend
 from basset._look import slope as _slope
-from reports.site.page import Page, fill, folder, footer, save, table
+from reports.site.page import Page, fill, finished, folder, footer, save, table
 from reports.words import Record, factor, grouped, listed, of, seconds, signed
 from saltation.flight.layout import ENCOUNTER_COLUMNS as COLUMNS
 from saltation.plots import cloud as cloud_plots
@@ -373,9 +372,7 @@ def draw_scaling(rows: list[Record]) -> Any:
         axes.set(title=f"C_p = {100 * concentration:g} %", xlabel="number of grains")
         axes.grid(True, which="major", alpha=0.3)
     panels[0].set(ylabel="time per grain and d/u*, one core (µs)", ylim=(10.0, 1000.0))
-    _legend(figure, panels[0], 4)
-    figure.suptitle("The cost of a grain hardly depends on how many there are")
-    return figure
+    return finished(figure, panels[0], 4, "The cost of a grain hardly depends on how many there are")
 
 
 def draw_compared(rows: list[Record]) -> Any:
@@ -447,9 +444,7 @@ def draw_changes(rows: list[Record]) -> Any:
         axes.set_ylabel(f"|Δ {short}| ({unit})" if unit != "°" else f"|Δ angle| in {short} (°)")
     for axes in panels[2]:
         axes.set_xlabel("transport stage T")
-    _legend(figure, panels[0, 0], 4)
-    figure.suptitle("What an encounter changes, slow ones left out (bars: standard deviation of single changes)")
-    return figure
+    return finished(figure, panels[0, 0], 4, "What an encounter changes, slow ones left out (bars: standard deviation of single changes)")
 
 
 def draw_first(rows: list[Record]) -> Any:
@@ -486,9 +481,7 @@ def draw_validation(rows: list[Record]) -> Any:
             axes.set(ylabel=label, ylim=(0.0, None))
         panels[0, column].set_title(f"R$_p$ = {reynolds:g}")
         panels[1, column].set_xlabel("transport stage T")
-    _legend(figure, panels[0, 0], 5)
-    figure.suptitle("A single grain of chapter 4 beside the regressions (bars: two standard deviations; thick: two standard errors)")
-    return figure
+    return finished(figure, panels[0, 0], 5, "A single grain of chapter 4 beside the regressions (bars: two standard deviations; thick: two standard errors)")
 
 
 PAGE = Page("grains", grains, ("chapter4", "grains"))

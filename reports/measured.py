@@ -7,11 +7,10 @@ from typing import Any
 import matplotlib.pyplot as plt
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from basset._look import legend as _legend
 from bench import records as facts
 from bench.suites.definitions import crossing
 from bench.suites.measured import NEAR, PLAIN, TARGET
-from reports.site.page import Page, fill, footer, save, table
+from reports.site.page import Page, fill, finished, footer, save, table
 from reports.words import Record, listed, of, span
 from saltation.grain import GRAVITY
 
@@ -213,9 +212,7 @@ def draw_bounces(data: Record) -> Any:
             axes.set_xlabel("time from the first contact (ms)")
             axes.set_ylim(bottom=-0.03 * 1e3 * motion["scale"], top=1.5e3 * motion["scale"])
         line[0].set_ylabel("gap under the sphere (mm)")
-    _legend(figure, grid[0, 0], 6)
-    figure.suptitle("Bounces by one k each, and what was measured (apexes and contacts)")
-    return figure
+    return finished(figure, grid[0, 0], 6, "Bounces by one k each, and what was measured (apexes and contacts)")
 
 
 def draw_misfit(data: Record) -> Any:

@@ -11,10 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
-from basset._look import legend as _legend
 from basset._look import slope as _slope
 from bench.suites.exponentials import law
-from reports.site.page import Page, fill, footer, save, table
+from reports.site.page import Page, fill, finished, footer, save, table
 from reports.words import Record, factor, grouped, seconds, select, short, storage
 
 SUITES = ("exponentials", "stream", "window", "varying")
@@ -291,9 +290,7 @@ def draw_costs(records: list[Record]) -> Any:
     panels[1].set(title="memory", xlabel="steps remembered n", ylabel="state per grain of three components (bytes)", ylim=(2e2, 1e7))
     _slope(panels[0], 2.5e3, 5e3, 1.2e4, 1, "n", "right")
     _slope(panels[1], 2.5e3, 3.5e5, 1.2e4, 1, "n", "right")
-    figure.suptitle("A sum of exponentials remembers a million steps for the price of a few hundred bytes and tens of nanoseconds")
-    _legend(figure, panels[0], 3)
-    return figure
+    return finished(figure, panels[0], 3, "A sum of exponentials remembers a million steps for the price of a few hundred bytes and tens of nanoseconds")
 
 
 def draw_errors(records: list[Record]) -> Any:
@@ -304,9 +301,7 @@ def draw_errors(records: list[Record]) -> Any:
     for exponent in (3, 6, 9):
         axes.axhline(10.0**-exponent, color="#bbbbbb", linestyle=":")
         axes.annotate(f"promised 1e-{exponent}", (1e3, 10.0**-exponent), xytext=(0, 3), textcoords="offset points", color="#666666", fontsize=9)
-    axes.set_title("A promised error is kept at any length; a published tail loses digits as the past grows")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "A promised error is kept at any length; a published tail loses digits as the past grows")
 
 
 def draw_convergence(records: list[Record]) -> Any:
@@ -323,9 +318,7 @@ def draw_convergence(records: list[Record]) -> Any:
     _slope(axes, 1.2e-2, 5e-10, 4.5e-3, 4, "h$^4$")
     _slope(axes, 2.2e-1, 2e-8, 4.5e-1, 7, "h$^7$", "right")
     axes.set(xlabel="step h (s)", ylabel="largest error over the second half of the path / largest |H|", ylim=(1e-15, 1))
-    axes.set_title("A stream converges as the full history does, down to the error it promised (g = cos τ)")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "A stream converges as the full history does, down to the error it promised (g = cos τ)")
 
 
 def draw_terms(records: list[Record]) -> Any:
@@ -344,9 +337,7 @@ def draw_terms(records: list[Record]) -> Any:
     axes.set(xlabel="terms n", ylabel="largest relative error of the sum", xlim=(3, 400), xticks=[3, 5, 10, 20, 50, 100, 200])
     axes.get_xaxis().set_major_formatter(lambda value, _: f"{value:g}")
     axes.minorticks_off()
-    axes.set_title("The fitted sums lie on the theoretical limit, far below the plain trapezoid")
-    _legend(figure, axes, 5)
-    return figure
+    return finished(figure, axes, 5, "The fitted sums lie on the theoretical limit, far below the plain trapezoid")
 
 
 def _power(ratio: float) -> str:
@@ -373,9 +364,7 @@ def draw_published(records: list[Record], curves: Record, used: float) -> Any:
     panels[1].set(title="ten terms", xlabel="lag / window", ylabel="relative error of the sum", ylim=(1e-7, 3))
     best = min(r["error"] for r in records if r["set"] != "fitted")
     own = next(r["error"] for r in records if r["set"] == "fitted" and r["n"] == 10)
-    figure.suptitle(f"Over three decades of lag the best published set is good to {short(best)}, ten fitted terms to {short(own)}")
-    _legend(figure, panels[0], 4)
-    return figure
+    return finished(figure, panels[0], 4, f"Over three decades of lag the best published set is good to {short(best)}, ten fitted terms to {short(own)}")
 
 
 def draw_floors(records: list[Record]) -> Any:
@@ -388,9 +377,7 @@ def draw_floors(records: list[Record]) -> Any:
     axes.set(xlabel="window (s)", ylabel="largest error of H over the second half (s$^{-1/2}$)", ylim=(3e-8, 1e-2))
     axes.set_xticks([0.1, 0.2, 0.5, 1, 2, 3], ["0.1", "0.2", "0.5", "1", "2", "3"])
     axes.minorticks_off()
-    axes.set_title("What no step size removes: ten terms each, g = cos τ")
-    _legend(figure, axes, 2)
-    return figure
+    return finished(figure, axes, 2, "What no step size removes: ten terms each, g = cos τ")
 
 
 def draw_windows(cosine: Record, saltation: Record) -> Any:
@@ -427,9 +414,7 @@ def draw_windows(cosine: Record, saltation: Record) -> Any:
         axes.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
         axes.minorticks_off()
     _slope(panels[0], 1.0, 1.5e-2, 8.0, -0.5, "window$^{-1/2}$", "right")
-    figure.suptitle("Dropping what lies beyond a window buys time with the first digit; a fitted tail costs hardly more and keeps six")
-    _legend(figure, panels[0], 4)
-    return figure
+    return finished(figure, panels[0], 4, "Dropping what lies beyond a window buys time with the first digit; a fitted tail costs hardly more and keeps six")
 
 
 def draw_varying(data: Record, base_amplitude: float = 0.5, base_frequency: float = 2.0) -> Any:
@@ -447,9 +432,7 @@ def draw_varying(data: Record, base_amplitude: float = 0.5, base_frequency: floa
     panels[0].minorticks_off()
     _slope(panels[0], 0.12, 1.8e-3, 0.3, 1, "a", "right")
     panels[1].set(title=f"a = {base_amplitude:g}", xlabel="frequency ω × the kernel's time scale C$^{-2/3}$")
-    figure.suptitle("Whose slip the kernel takes: percents of H while the slip varies by half, half of H where it nearly stops")
-    _legend(figure, panels[0], 4)
-    return figure
+    return finished(figure, panels[0], 4, "Whose slip the kernel takes: percents of H while the slip varies by half, half of H where it nearly stops")
 
 
 PAGE = Page("memory", memory, SUITES)

@@ -13,9 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
-from basset._look import legend as _legend
 from basset._look import slope as _slope
-from reports.site.page import Page, fill, footer, save, table
+from reports.site.page import Page, fill, finished, footer, save, table
 from reports.words import NEAR, Record, factor, grouped, reaches, seconds, select, short
 
 SUITES = ("costs", "fresnel", "kernels", "peers", "trajectory", "weights")
@@ -38,26 +37,14 @@ def as_cheap(records: Sequence[Record], tolerance: float) -> list[Record]:
 
 @dataclass(frozen=True)
 class Convergence:
-    """How one rule converged: slopes are exponents of h.
-
-    Attributes
-    ----------
-    slope : float
-        Of the largest error over the second half of the path, the last doubling above 100 × the floor.
-    slope_end : float
-        Of the error at t = 50π, likewise.
-    floor : float or None
-        The smallest error reached; None where the error still falls at the finest step.
-    best : float
-        The smallest error reached.
-    """
+    """How one rule converged: slopes are exponents of h."""
 
     scheme: str
     declared: float
-    slope: float
-    slope_end: float
-    floor: float | None
-    best: float
+    slope: float  # of the largest error over the second half of the path, the last doubling above 100 × the floor
+    slope_end: float  # of the error at t = 50π, likewise
+    floor: float | None  # the smallest error reached; None where the error still falls at the finest step
+    best: float  # the smallest error reached
 
 
 def _last_slope(points: list[tuple[float, float]], declared: float) -> tuple[float, float | None]:
@@ -367,9 +354,7 @@ def draw_convergence(records: list[Record]) -> Any:
         _slope(axes, x0, y0, x1, order, label)
     _slope(axes, 0.15, 3e-13, 0.45, 9, "h$^9$", "right")
     axes.set(xlabel="step h (s)", ylabel="largest error over the second half of the path (s$^{-1/2}$)", ylim=(5e-15, 60))
-    axes.set_title("Every rule keeps its order; rounding, not cancellation, sets the floor")
-    _legend(figure, axes, 4)
-    return figure
+    return finished(figure, axes, 4, "Every rule keeps its order; rounding, not cancellation, sets the floor")
 
 
 def draw_clocks(records: list[Record]) -> Any:
@@ -382,9 +367,7 @@ def draw_clocks(records: list[Record]) -> Any:
     panels[0].set(title="weights built as published, inside the clock", xlabel="step h (s)", ylabel="time per value, one core (s)")
     panels[1].set(title="weights cached", xlabel="step h (s)")
     _slope(panels[0], 0.08, 1.5e-4, 0.002, -1, "h$^{-1}$")
-    figure.suptitle("The thesis timed the building of the weights; the sum itself costs the same for every rule")
-    _legend(figure, panels[1], 4)
-    return figure
+    return finished(figure, panels[1], 4, "The thesis timed the building of the weights; the sum itself costs the same for every rule")
 
 
 def draw_accuracy(records: list[Record]) -> Any:
@@ -403,9 +386,7 @@ def draw_accuracy(records: list[Record]) -> Any:
     low, high = panels[2].get_xlim()
     panels[2].set_xlim(low / 1.5, max(high, 20.0 * low))
     panels[0].set_ylabel("largest error over the second half of the path (s$^{-1/2}$)")
-    figure.suptitle("Error against time: with the weights at hand, digits are almost free, and the high orders give the most")
-    _legend(figure, panels[1], 6)
-    return figure
+    return finished(figure, panels[1], 6, "Error against time: with the weights at hand, digits are almost free, and the high orders give the most")
 
 
 def draw_weight_errors(errors: list[Record]) -> Any:
@@ -427,9 +408,7 @@ def draw_weight_errors(errors: list[Record]) -> Any:
     axes.axhline(1.0, color="#999999", linewidth=0.8)
     axes.annotate("no digit left", (11, 1.0), xytext=(0, 3), textcoords="offset points", color="#666666", fontsize=9)
     axes.set(xlabel="lag j (steps)", ylabel="relative error of the weight", ylim=(1e-18, 1e12))
-    axes.set_title("The published formulas lose all digits in double precision; nothing cancels in basset's")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "The published formulas lose all digits in double precision; nothing cancels in basset's")
 
 
 def draw_weight_times(building: list[Record]) -> Any:
@@ -450,9 +429,7 @@ def draw_weight_times(building: list[Record]) -> Any:
         axes.loglog([r["n"] for r in rows], [r["seconds"] for r in rows], dash, color=colour, marker=marker, label=label)
     _slope(axes, 2e4, 2e-5, 2e5, 1, "n", "right")
     axes.set(xlabel="number of weights", ylabel="time to build, one core (s)")
-    axes.set_title("Exact weights are built in about a millisecond; quadruple precision is not needed")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "Exact weights are built in about a millisecond; quadruple precision is not needed")
 
 
 def draw_trajectory(records: list[Record], ratios: list[Record]) -> Any:
@@ -468,9 +445,7 @@ def draw_trajectory(records: list[Record], ratios: list[Record]) -> Any:
     _slope(axes, 3e3, 1e-1, 1.5e4, 2, "N$^2$", "right")
     _slope(axes, 8e3, 1.5e-4, 4e4, 1.08, "N log N", "right")
     axes.set(xlabel="steps N", ylabel="time for all nodes, weights cached, one core (s)")
-    axes.set_title("A long path costs about one FFT convolution, whatever the order")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "A long path costs about one FFT convolution, whatever the order")
 
 
 def draw_kernels(data: Record) -> Any:
@@ -517,9 +492,7 @@ def draw_peers(records: list[Record], target: float, ratio: str) -> Any:
     axes.axhline(target, color="#999999", linestyle=":")
     axes.annotate(f"{short(target)}", (axes.get_xlim()[1], target), xytext=(-2, 3), textcoords="offset points", ha="right", color="#666666", fontsize=9)
     axes.set(xlabel="time for every node, callables included, one core (s)", ylabel="largest error over the whole path (s$^{-1/2}$)")
-    axes.set_title(f"Every node to {short(target)}: basset, weights cached, is {ratio} faster than the fastest peer")
-    _legend(figure, axes, 2)
-    return figure
+    return finished(figure, axes, 2, f"Every node to {short(target)}: basset, weights cached, is {ratio} faster than the fastest peer")
 
 
 PAGE = Page("quadrature", quadrature, SUITES)

@@ -11,9 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
-from basset._look import legend as _legend
 from basset._look import slope as _slope
-from reports.site.page import Page, fill, footer, save, table
+from reports.site.page import Page, fill, finished, footer, save, table
 from reports.words import NEAR, Record, factor, of, percent, reaches, seconds, short
 from saltation.scene.memory import REASONS
 
@@ -529,9 +528,7 @@ def draw_accuracy(data: Record, memory: str) -> Any:
         "reset": "Memory wiped at rebounds: fixed steps are of first order, windows shorter than a flight keep a floor, collocation stays far below",
         **{kernel: f"{name}, of the current slip: fixed steps err as √dt, collocation stays far below" for kernel, name in KERNELS.items()},
     }
-    figure.suptitle(titles[memory])
-    _legend(figure, panels[0], 4)
-    return figure
+    return finished(figure, panels[0], 4, titles[memory])
 
 
 def _pieces(points: list[tuple[float, Record]]) -> list[list[tuple[float, float, bool]]]:
@@ -585,9 +582,7 @@ def draw_windows(data: Record) -> Any:
     panels[0].set_ylabel("error by the cut memory alone (%)")
     panels[0].plot([], [], ":", color="#666666", marker="o", label="the same at dt 0.004")
     panels[0].plot([], [], "o", color="#666666", markerfacecolor="white", linestyle="", label="within its scatter: upper bound")
-    figure.suptitle("What a window drops no step brings back; a tail does")
-    _legend(figure, panels[0], 3)
-    return figure
+    return finished(figure, panels[0], 3, "What a window drops no step brings back; a tail does")
 
 
 PAGE = Page("scenes", scenes, SUITES)

@@ -9,10 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, PURPLE, RED, SKY, YELLOW
-from basset._look import legend as _legend
 from basset._look import slope as _slope
 from basset.solvers.stability import HELD_RATE, held_factor
-from reports.site.page import Page, fill, footer, save, table
+from reports.site.page import Page, fill, finished, footer, save, table
 from reports.words import Record, factor, grouped, of, seconds, select, short
 
 SUITES = ("coupled", "stability")
@@ -347,17 +346,13 @@ def solver(data: dict[str, Record]) -> str:
 
 # Figures, from the records alone
 
+DAITCHE = ((ORANGE, "o"), (GREEN, "^"), (BLUE, "D"))
 LOOKS = {  # colour, marker, dash
     "semi-derivative": (YELLOW, "v", "-"),
     "Euler–Maclaurin": (BLACK, "x", "-"),
     "Brush": (GREY, "+", "-"),
     "Hinsberg, published tail": (RED, "s", "-"),
-    "Daitche(1)": (ORANGE, "o", "-"),
-    "Daitche(2)": (GREEN, "^", "-"),
-    "Daitche(3)": (BLUE, "D", "-"),
-    "Daitche(1), slips": (ORANGE, "o", "--"),
-    "Daitche(2), slips": (GREEN, "^", "--"),
-    "Daitche(3), slips": (BLUE, "D", "--"),
+    **{f"Daitche({p}){what}": (*look, dash) for what, dash in (("", "-"), (", slips", "--")) for p, look in enumerate(DAITCHE, 1)},
     "Windowed, fitted tail": (SKY, "P", ":"),
     "Exponential(3)": (SKY, "P", "-"),
     "RK4, history held": (PINK, "X", "-"),
@@ -388,9 +383,9 @@ def draw_accuracy(records: list[Record]) -> Any:
     _slope(panels[1], 4e-2, 5e-6, 2e-1, -2, "t$^{-2}$", "right")
     _slope(panels[2], 2e-2, 5e-1, 2e-1, -0.5, "t$^{-1/2}$", "right")
     _slope(panels[2], 2e-2, 5e-4, 2e-1, -1, "t$^{-1}$", "right")
-    figure.suptitle("A digit costs a fixed-step scheme a multiple of its time, and after a jump far more; collocation pays a few steps, jump or not")
-    _legend(figure, panels[0], 6)
-    return figure
+    return finished(
+        figure, panels[0], 6, "A digit costs a fixed-step scheme a multiple of its time, and after a jump far more; collocation pays a few steps, jump or not"
+    )
 
 
 def draw_convergence(records: list[Record]) -> Any:
@@ -409,9 +404,7 @@ def draw_convergence(records: list[Record]) -> Any:
         _slope(panels[1], 4.0 * x0, y0 * 4.0**order, x0, order, label)
     for x0, y0, order, label in ((8e-3, 2.5e-1, 0.5, "h$^{1/2}$"), (8e-3, 1.5e-4, 1, "h")):
         _slope(panels[2], 4.0 * x0, y0 * 4.0**order, x0, order, label)
-    figure.suptitle("The same schemes, the same steps: after a jump the degree of a scheme no longer counts")
-    _legend(figure, panels[0], 6)
-    return figure
+    return finished(figure, panels[0], 6, "The same schemes, the same steps: after a jump the degree of a scheme no longer counts")
 
 
 def draw_orders(found: dict[str, dict[str, float]], declared: dict[str, float]) -> Any:
@@ -428,9 +421,7 @@ def draw_orders(found: dict[str, dict[str, float]], declared: dict[str, float]) 
                 axes.plot(values[kind], row, marker, color=colour, markersize=8, linestyle="none", label=kind if row == 0 else None)
     axes.set_yticks(range(len(names)), list(reversed(names)))
     axes.set(xlabel="measured exponent of the step h in the largest error over the path", xlim=(-0.1, 4.5))
-    axes.set_title("What a jump does to the order: green before, red and black after")
-    _legend(figure, axes, 5)
-    return figure
+    return finished(figure, axes, 5, "What a jump does to the order: green before, red and black after")
 
 
 def draw_impacts(records: list[Record], fits: dict[str, dict[str, float]], target: float) -> Any:
@@ -452,9 +443,7 @@ def draw_impacts(records: list[Record], fits: dict[str, dict[str, float]], targe
     axes.axhline(target, color="#999999", linestyle=":")
     axes.annotate(short(target), (axes.get_xlim()[0], target), xytext=(2, 3), textcoords="offset points", color="#666666", fontsize=9)
     axes.set(xlabel="time of the whole solution, one core (s)", ylabel="largest error of the impact times (s)", ylim=(1e-13, 3))
-    axes.set_title("Bouncing sphere: collocation finds all ten impacts, fixed steps snap the first three to the grid")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "Bouncing sphere: collocation finds all ten impacts, fixed steps snap the first three to the grid")
 
 
 def draw_tolerance(records: list[Record]) -> Any:
@@ -471,9 +460,7 @@ def draw_tolerance(records: list[Record]) -> Any:
         axes.annotate(label, (8.5e-12, times * 1e-11), color="#666666", fontsize=9, va="center")
     axes.set(xlabel="rtol asked for", ylabel="largest error / largest |y| (bouncing: of the impact times, s)", xlim=(1.5e-12, 2e-3), ylim=(1e-16, 1e-1))
     axes.invert_xaxis()
-    axes.set_title("Largest error of the whole path: collocation keeps its tolerance, through jumps and impacts")
-    _legend(figure, axes, 5)
-    return figure
+    return finished(figure, axes, 5, "Largest error of the whole path: collocation keeps its tolerance, through jumps and impacts")
 
 
 def draw_by_impacts(records: list[Record], slope: float, level: float) -> Any:
@@ -502,9 +489,7 @@ def draw_marge3d(found: Record) -> Any:
                 axes.annotate(text, (r["seconds"], r["error_max"]), xytext=(7, 3), textcoords="offset points", color=colour, fontsize=8)
     axes.axhline(found["best"], color="#999999", linestyle=":")
     axes.set(xlabel="time, set-up included, one core (s)", ylabel="largest error of the position over the path (–)")
-    axes.set_title("marge3d's own vortex problem (numbers at its points: steps)")
-    _legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, "marge3d's own vortex problem (numbers at its points: steps)")
 
 
 def draw_stability(found: Record) -> Any:
@@ -534,9 +519,7 @@ def draw_stability(found: Record) -> Any:
     panels[0].plot([], [], "o", color=GREY, markerfacecolor="none", label="0.9 × limit: a success")
     panels[0].plot([], [], "x", color=GREY, label="1.1 × limit: status −1")
     panels[0].plot([], [], color=GREY, label="computed limit, degrees 2 to 10")
-    figure.suptitle("No run beyond the computed limit ends as a success, and those within it do")
-    _legend(figure, panels[0], 3)
-    return figure
+    return finished(figure, panels[0], 3, "No run beyond the computed limit ends as a success, and those within it do")
 
 
 PAGE = Page("solver", solver, SUITES)

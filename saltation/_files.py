@@ -61,15 +61,7 @@ def _write_checksum(content: Any) -> None:
 
 
 def open_dataset(source: Path | bytes) -> xr.Dataset:
-    """The dataset in a file or in what `content_of` gave.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    DamageError
-        If it is no netCDF 3, or no longer what was written.
-    """
+    """The dataset in a file or in what `content_of` gave; OSError if it cannot be read, DamageError for no netCDF 3 or no longer what was written."""
     import xarray as xr
 
     name = "a packed result" if isinstance(source, bytes) else repr(os.fspath(source))
@@ -97,12 +89,7 @@ def open_dataset(source: Path | bytes) -> xr.Dataset:
 def only_writer(folder: Path) -> Iterator[None]:
     """Keep other processes from writing to a folder; the file `lock` in it names the writer.
 
-    The lock of a dead process is taken over; that of a process on another machine, which may be alive, is not.
-
-    Raises
-    ------
-    SceneError
-        With one sentence, if another process writes there.
+    The lock of a dead process is taken over; that of a process on another machine, which may be alive, is not. SceneError if another process writes there.
     """
     from saltation.scene import SceneError
 

@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from copy import deepcopy
 from functools import partial
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
     from rich.progress import TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from basset import _validate, measure
     from saltation import front, statistics
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from saltation.workers import cores, processes
 else:  # the help needs none of them, most commands a few
     pd, _validate, measure = map(Later, ("pandas", "basset._validate", "basset.measure"))
-    Table = Later("rich.table", "Table")
+    Column, Table = (Later("rich.table", name) for name in ("Column", "Table"))
     TextColumn, TimeElapsedColumn, TimeRemainingColumn = (Later("rich.progress", f"{name}Column") for name in ("Text", "TimeElapsed", "TimeRemaining"))
     campaigns, checks, choices, schemes = (Later(f"saltation.study.{name}") for name in ("campaigns", "checks", "choices", "schemes"))
     comparison, record_plots = Later("saltation.study.comparison"), Later("saltation.plots.records")
@@ -153,6 +153,16 @@ def changed(content: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
 SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE", help="Change a field of the scene; an empty value takes it out.")
 
 
+def on_scene(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with SCENE and --set."""
+    return click.argument("scene")(SET(command))
+
+
+def made_of(scene: str, changes: Sequence[str]) -> Scene:
+    """The scene that they say."""
+    return scene_of(changed(read(scene), changes))
+
+
 # Commands
 
 
@@ -192,7 +202,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
                 result.save(output)
     with printing():
         if not quiet:
-            (print_result if made.cloud is None else print_cloud)(result)
+            print_result(result)
             print_written(output)
         elif result.status != "finished":
             click.echo(f"{result.status}: {result.message}", err=True)
@@ -212,37 +222,25 @@ def shown(what: str, quiet: bool) -> Any:
 
 
 @main.command()
-@click.argument("scene")
-@SET
+@on_scene
 def check(scene: str, changes: tuple[str, ...]) -> None:
     """What SCENE means: its numbers, what will be computed and what not, and warnings."""
-    made = scene_of(changed(read(scene), changes))
-    out = console()
-    table = Table("number", "value", "meaning", box=None)
-    for number in checks.numbers(made):
-        table.add_row(number.symbol, f"{number.value:.5g}", number.meaning)
-    out.print(table)
+    out, made = console(), made_of(scene, changes)
+    print_table(out, ("number", "value", "meaning"), ((number.symbol, f"{number.value:.5g}", number.meaning) for number in checks.numbers(made)))
     out.print("\ncomputed")
-    table = Table(box=None, show_header=False)
-    for name, text in checks.computed(made).items():
-        table.add_row(name, text)
-    out.print(table)
+    print_table(out, (), checks.computed(made).items())
     out.print(f"\nnot computed: {', '.join(checks.left_out(made)) or 'nothing is left out'}")
     for warning in checks.warnings(made):
         out.print(f"\nwarning: {warning}")
 
 
 @main.command()
-@click.argument("scene")
-@SET
+@on_scene
 def advise(scene: str, changes: tuple[str, ...]) -> None:
     """Which effects SCENE calls for, from its dimensionless numbers: each with the reason and the source."""
-    made = scene_of(changed(read(scene), changes))
-    out = console()
-    table = Table("effect", "in the scene", "share", "", "why", "source", box=None)
-    for row in advice.advise(made):
-        table.add_row(row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source)
-    out.print(table)
+    out, made = console(), made_of(scene, changes)
+    rows = ((row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source) for row in advice.advise(made))
+    print_table(out, ("effect", "in the scene", "share", "", "why", "source"), rows)
     for text in left(made):
         out.print(f"\n{text}")
     measured = f"; `saltation ablate {scene}` measures, effects = 'auto' chooses by measurement" if made.bed is not None else ""
@@ -250,8 +248,7 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
 
 
 @main.command()
-@click.argument("scene")
-@SET
+@on_scene
 @click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative standard error of the mean height.")
 @click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
@@ -260,14 +257,13 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("leaving out", TimeElapsedColumn()) as report:
         table = advice.ablate(made, error=error, progress=report)
-    deliver(output, table, partial(advice_plots.ablation, scene=named(scene)))
+    deliver(output, table.to_csv(), partial(advice_plots.ablation, table, scene=named(scene)))
     print_changes(console(), table)
     print_written(output)
 
 
 @main.command()
-@click.argument("scene")
-@SET
+@on_scene
 @click.option("--error", type=float, default=0.02, show_default=True, help="Wanted relative standard error of the mean height.")
 @click.option("--combined", is_flag=True, help="Also every choice with every other: some hundred runs more.")
 @click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
@@ -280,7 +276,7 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
         table = choices.uncertainty(made, error=error, progress=report)
-    deliver(output, table, partial(advice_plots.spread, scene=named(scene)))
+    deliver(output, table.to_csv(), partial(advice_plots.spread, table, scene=named(scene)))
     out = console()
     print_changes(out, table.set_index(["choice", "value"]))
     if combined:
@@ -291,8 +287,7 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
 
 
 @main.command("scheme")
-@click.argument("scene")
-@SET
+@on_scene
 @click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative error of mean height, length and speed.")
 @click.option("--dt", type=float, help="A given step (d/u*): schemes at fixed steps alone.")
 @click.option("--seconds", type=float, help="CPU time that the scene's run may take (s): the most exact within it.")
@@ -317,15 +312,14 @@ def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float 
         with mistakes_of_files("--output"):
             measure.write_json(output, {**table.attrs, "scene": json.loads(table.attrs["scene"]), "rows": table.to_dict("records")})
     else:
-        deliver(output, table, partial(scheme_plots.schemes, scene=named(scene)))
+        deliver(output, table.to_csv(), partial(scheme_plots.schemes, table, scene=named(scene)))
     print_schemes(console(), table)
     print_written(output)
 
 
 @main.command()
 @click.argument("record", type=click.Path(path_type=Path))
-@click.argument("scene")
-@SET
+@on_scene
 @click.option("--fit", "fields", multiple=True, metavar="FIELD[=LOW,HIGH]", help="Fit a numeric field of the scene (bed.restitution), `time` or `zero`.")
 @click.option("--columns", metavar="NAMES", help="What the columns of RECORD are, in place of its own names: 't (ms),gap (mm)'.")
 @click.option("--from", "start", type=float, help="The record's time at which the scene starts (s).  [default: its first time]")
@@ -364,12 +358,7 @@ def compare(
             found = comparison.compare(record, made, fit, columns=names, start=start, contact=contact, until=until, error=noise_of(errors), progress=report)
     except (TypeError, ValueError) as error:
         raise Mistake(str(error)) from None
-    if output is not None:
-        with mistakes_of_files("--output"):
-            if output.suffix == ".csv":
-                write(output, found.points.to_csv(index=False))
-            else:
-                draw(record_plots.comparison(found, f"{named(record.name)} and {named(scene)}"), output)
+    deliver(output, found.points.to_csv(index=False), partial(record_plots.comparison, found, f"{named(record.name)} and {named(scene)}"))
     print_comparison(console(), found)
     print_written(output)
 
@@ -413,15 +402,15 @@ def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | 
     return scene_of(changed(read(scene), changes))
 
 
-def deliver(output: Path | None, table: pd.DataFrame, picture: Callable[[pd.DataFrame], Any]) -> None:
-    """Write the table or its picture."""
+def deliver(output: Path | None, table: str, picture: Callable[[], Any]) -> None:
+    """Write the table, which is CSV, or its picture."""
     if output is None:
         return
     with mistakes_of_files("--output"):
         if output.suffix == ".csv":
-            write(output, table.to_csv())
+            write(output, table)
         else:
-            draw(picture(table), output)
+            draw(picture(), output)
 
 
 @main.command()
@@ -433,10 +422,7 @@ def schema() -> None:
 @main.command()
 def scenes() -> None:
     """The scenes that come with the package."""
-    table = Table(box=None, show_header=False)
-    for name, path in shipped().items():
-        table.add_row(name, path.read_text(encoding="utf-8").splitlines()[0].lstrip("# "))
-    console().print(table)
+    print_table(console(), (), ((name, path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")) for name, path in shipped().items()))
 
 
 @main.command()
@@ -716,19 +702,32 @@ def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor
 # What commands print
 
 
+def print_table(out: Console, heads: Sequence[str | Column], rows: Iterable[Sequence[str]], **look: Any) -> None:
+    """A table without lines; without heads, rows alone."""
+    table = Table(*heads, box=None, show_header=bool(heads), **look)
+    for row in rows:
+        table.add_row(*row)
+    out.print(table)
+
+
 def print_result(result: Result) -> None:
-    """Summary, bed load, and what to be wary of."""
-    out = console()
-    out.print(f"{result.status}: {result.message}; {len(result.jumps)} jumps count")
+    """Summary, bed load or how often grains meet, and what to be wary of."""
+    out, known, cloud, unit = console(), result.provenance, result.scene.cloud, result.scene.numbers.unit("d/u*")
+    many = f"{cloud.number} grains, {result.time:.4g} {unit}, " if cloud is not None else ""
+    out.print(f"{result.status}: {result.message}; {many}{len(result.jumps)} jumps count")
     if len(result.jumps):
         print_summary(out, result)
-    if result.scene.numbers.stage is not None and len(result.jumps):
+    if cloud is not None:
+        often = result.frequencies()
+        out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per {unit}, ratio {often['ratio']:.3g}")
+    elif result.scene.numbers.stage is not None and len(result.jumps):
         print_bed_load(out, result)
     print_rests(out, result)
     print_coupling(out, result)
     print_choice(out, result.scene)
-    known = result.provenance
-    if known["stokes"] is not None:
+    for fate, number in result.fates["fate"].value_counts().items():
+        out.print(f"{number} grains ended {fate}")
+    if cloud is None and known["stokes"] is not None:
         low, high = known["stokes"]
         out.print(f"impacts: {known['clipped']:.0%} clipped at 30°, {known['creeping']:.0%} creeping, Stokes number {low:.3g} to {high:.3g}")
     for text in known["outside_validity"]:
@@ -772,24 +771,6 @@ def print_coupling(out: Console, result: Result) -> None:
     )
 
 
-def print_cloud(result: Any) -> None:
-    """Summary of many grains, and how often they meet."""
-    out = console()
-    cloud, unit = result.scene.cloud, result.scene.numbers.unit("d/u*")
-    out.print(f"{result.status}: {result.message}; {cloud.number} grains, {result.time:.4g} {unit}, {len(result.jumps)} jumps count")
-    if len(result.jumps):
-        print_summary(out, result)
-    often = result.frequencies()
-    out.print(f"impacts on the bed {often['bed']:.4g} and encounters {often['pairs']:.4g} per {unit}, ratio {often['ratio']:.3g}")
-    print_rests(out, result)
-    print_coupling(out, result)
-    print_choice(out, result.scene)
-    for fate, number in result.fates["fate"].value_counts().items():
-        out.print(f"{number} grains ended {fate}")
-    for text in result.provenance["outside_validity"]:
-        out.print(f"warning: {text}")
-
-
 def print_choice(out: Console, scene: Scene) -> None:
     """What effects = "auto" came to."""
     found = scene.chosen
@@ -804,61 +785,52 @@ def print_summary(out: Console, result: Any) -> None:
     """Mean, standard error and standard deviation, one line per quantity."""
     from saltation.results.tables import STREAM, UNITS
 
-    table = Table("", "mean", "standard error", "standard deviation", "unit", box=None)
-    for column in range(1, 4):
-        table.columns[column].justify = "right"
-    for name, row in result.summary().iterrows():
-        values = (f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation"))
-        if name not in STREAM:  # said below
-            table.add_row(str(name), *values, result.scene.numbers.unit(UNITS[str(name)][0]))
-    out.print(table)
-    print_scale(out, result.scene)
-
-
-def print_scale(out: Console, scene: Scene) -> None:
-    """What V is where there is no u*."""
-    if scene.numbers.stage is None:
-        out.print(f"{scene.numbers.scale} = {scene.numbers.velocity:.4g} m/s: still water has no u*")
+    numbers, keys = result.scene.numbers, ("mean", "standard_error", "standard_deviation")
+    told = {str(name): row for name, row in result.summary().iterrows() if name not in STREAM}  # which are said below
+    rows = ((name, *(f"{row[key]:.4g}" for key in keys), numbers.unit(UNITS[name][0])) for name, row in told.items())
+    print_table(out, ("", *(Column(key.replace("_", " "), justify="right") for key in keys), "unit"), rows)
+    if numbers.stage is None:
+        out.print(f"{numbers.scale} = {numbers.velocity:.4g} m/s: still water has no u*")
 
 
 def print_changes(out: Console, table: pd.DataFrame) -> None:
     """Relative changes of H, L and ū against the first row, in per cent with their standard errors."""
     names = [name for name in table.index.names if name is not None] or [""]
     timed = ["time"] if "time" in table and table["time"].notna().any() else []
-    shown = Table(*names, "status", "jumps", *(f"{name} (%)" for name in statistics.VARIABLES), *(["time per jump"] if timed else []), box=None)
+    rows = []
     for index, row in table.iterrows():
         labels = index if isinstance(index, tuple) else (index,)
         pairs = [(100.0 * row[f"{name}_change"], 100.0 * row[f"{name}_error"]) for name in statistics.VARIABLES]
         cells = [f"{change:+.1f} ± {error:.1g}" if math.isfinite(change) else "–" for change, error in pairs]
-        shown.add_row(*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed))
-    out.print(shown)
+        rows.append((*map(str, labels), row["status"], str(row["jumps"]), *cells, *(f"{row[name]:.2f} ×" for name in timed)))
+    print_table(out, (*names, "status", "jumps", *(f"{name} (%)" for name in statistics.VARIABLES), *(["time per jump"] if timed else [])), rows)
 
 
 def print_schemes(out: Console, table: pd.DataFrame) -> None:
     """The best row of each candidate, what was chosen and why, the lines for the scene file."""
-    shown = Table("scheme", "solver", f"dt ({table.attrs['units']['dt']})", "rtol", "error (%)", "time per jump (s)", "bytes", "", box=None)
+    rows = []
     for _, row in table.drop_duplicates(["scheme", "solver"]).head(SCHEMES_SHOWN).iterrows():
         size = [f"{row[name]:g}" if math.isfinite(row[name]) else "" for name in ("dt", "rtol")]
         note = "extrapolated" if row["runs"] == 0 else "" if row["status"] == "finished" else row["status"]
-        shown.add_row(row["scheme"], row["solver"], *size, f"{100.0 * row['error']:.2g}", f"{row['seconds']:.2g}", f"{row['bytes']:.3g}", note)
-    out.print(shown)
+        rows.append((row["scheme"], row["solver"], *size, f"{100.0 * row['error']:.2g}", f"{row['seconds']:.2g}", f"{row['bytes']:.3g}", note))
+    print_table(out, ("scheme", "solver", f"dt ({table.attrs['units']['dt']})", "rtol", "error (%)", "time per jump (s)", "bytes", ""), rows)
     out.print(f"\n{schemes.verdict(table)}\n\nin the scene file:\n{table.attrs['toml']}", soft_wrap=True)
 
 
 def print_comparison(out: Console, found: comparison.Comparison) -> None:
     """The misfit of each quantity, the fitted fields, what was held, what to be wary of."""
-    shown = Table("quantity", "points", "rms off", "largest", "noise", "unit", box=None)
+    rows = []
     for name, row in found.misfit.iterrows():
         numbers = (f"{row[key]:.3g}" if math.isfinite(row[key]) else "–" for key in ("rms", "largest", "noise"))
-        shown.add_row(str(name), str(row["points"]), *numbers, row["unit"])
-    out.print(shown)
+        rows.append((str(name), str(row["points"]), *numbers, row["unit"]))
+    print_table(out, ("quantity", "points", "rms off", "largest", "noise", "unit"), rows)
     if len(found.fitted):
         out.print()
-        shown = Table("fitted", "value", "95 % interval", "from blocks of residuals", "searched", "unit", box=None)
+        rows = []
         for name, row in found.fitted.iterrows():
             pairs = [f"{_within(row, low)} to {_within(row, high)}" for low, high in (("low", "high"), ("blocks_low", "blocks_high"))]
-            shown.add_row(str(name), _within(row, "value"), *pairs, f"{row['least']:.4g} to {row['most']:.4g}", row["unit"])
-        out.print(shown)
+            rows.append((str(name), _within(row, "value"), *pairs, f"{row['least']:.4g} to {row['most']:.4g}", row["unit"]))
+        print_table(out, ("fitted", "value", "95 % interval", "from blocks of residuals", "searched", "unit"), rows)
     out.print(f"\nheld: {', '.join(f'{name} = {value}' for name, value in found.held.items())}")
     for note in found.notes:
         out.print(f"\nnote: {note}")
@@ -877,62 +849,60 @@ def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
     from saltation.results.tables import UNITS
 
-    shown = Table("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES), box=None)
-    for quantile, row in choices.extent(table).iterrows():
-        shown.add_row(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES))
-    for choice, row in choices.shares(table).iterrows():
-        shown.add_row(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES))
-    out.print(shown)
+    below = [
+        (f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES)) for quantile, row in choices.extent(table).iterrows()
+    ]
+    share = [(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES)) for choice, row in choices.shares(table).iterrows()]
+    print_table(out, ("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES)), below + share)
 
 
 def print_means(out: Console, table: pd.DataFrame) -> None:
     """One line per scene."""
     labels = [name for name in table if name not in (*campaigns.COLUMNS, "name")]
     often = [name for name in ("bed_frequency", "pair_frequency") if table[name].notna().any()]
-    shown = Table(*labels, "height", "length", "velocity", *(name.replace("_", " ") for name in often), "jumps", "status", box=None)
+    rows = []
     for _, row in table.iterrows():
         means = (f"{row[name]:.4g} ± {row[f'{name}_se']:.2g}" for name in statistics.VARIABLES)
-        shown.add_row(*(_short(row[name]) for name in labels), *means, *(_short(row[name]) for name in often), str(row["jumps"]), row["status"])
-    out.print(shown)
+        rows.append((*(_short(row[name]) for name in labels), *means, *(_short(row[name]) for name in often), str(row["jumps"]), row["status"]))
+    print_table(out, (*labels, "height", "length", "velocity", *(name.replace("_", " ") for name in often), "jumps", "status"), rows)
 
 
 def print_grains(out: Console, tables: dict[str, pd.DataFrame]) -> None:
     """Table 4-2, what encounters change of the jumps, and the exponents of the run that the thesis draws, printed ones in brackets."""
     head = ["C_p", "R_p", "T"]
-    shown = Table(*head, "F_pp", "F_pb", "F_pb/F_pp", title="encounters and impacts on the bed per d/u* (Table 4-2)", title_justify="left", box=None)
-    for _, row in tables["table_4_2"].iterrows():
-        shown.add_row(*_run(row), *(_beside(row[name], row[f"{name}_printed"]) for name in ("pair_frequency", "bed_frequency", "ratio")))
-    out.print(shown)
-    title = "difference that encounters make; its p by blocks of jumps within grains and by the rank-sum test (figs 4-10 to 4-12)"
-    shown = Table(*head, "height", "p blocks", "p ranks", "length", "p blocks", "p ranks", title=title, title_justify="left", box=None)
+    frequencies = ("pair_frequency", "bed_frequency", "ratio")
+    rows = [(*_run(row), *(_beside(row[name], row[f"{name}_printed"]) for name in frequencies)) for _, row in tables["table_4_2"].iterrows()]
+    print_table(out, (*head, "F_pp", "F_pb", "F_pb/F_pp"), rows, title="encounters and impacts on the bed per d/u* (Table 4-2)", title_justify="left")
+    rows = []
     for _, both in tables["comparison"].groupby(grains.RUN, sort=False):
-        rows = [both[both["quantity"] == name].iloc[0] for name in ("height", "length")]
-        found = [(f"{row['difference']:+.2g} ± {row['standard_error']:.2g}", f"{row['p_bootstrap']:.2g}", f"{row['p_wilcoxon']:.2g}") for row in rows]
-        shown.add_row(*_run(both.iloc[0]), *found[0], *found[1])
-    out.print(shown)
-    title = "γ of ⟨X'²⟩ and ⟨Y'²⟩, 95 % intervals (figs 4-17 and 4-18)"
-    shown = Table("axis", "encounters", "ensemble", *grains.RANGES, title=title, title_justify="left", box=None)
+        own = [both[both["quantity"] == name].iloc[0] for name in ("height", "length")]
+        found = [(f"{row['difference']:+.2g} ± {row['standard_error']:.2g}", f"{row['p_bootstrap']:.2g}", f"{row['p_wilcoxon']:.2g}") for row in own]
+        rows.append((*_run(both.iloc[0]), *found[0], *found[1]))
+    title = "difference that encounters make; its p by blocks of jumps within grains and by the rank-sum test (figs 4-10 to 4-12)"
+    print_table(out, (*head, "height", "p blocks", "p ranks", "length", "p blocks", "p ranks"), rows, title=title, title_justify="left")
     every = tables["exponents"]
     if every.empty:
         return
     drawn = every[every["printed"].notna().groupby([every[name] for name in grains.RUN]).transform("any")]
-    for (axis, meeting, ensemble), rows in drawn.groupby(["axis", "encounters", "ensemble"], sort=False):
-        cells = [_beside(row["gamma"], row["printed"]) + f" {row['lower']:.2f} to {row['upper']:.2f}" for _, row in rows.iterrows()]
-        shown.add_row(axis, "with" if meeting else "without", ensemble, *cells)
-    out.print(shown)
+    rows = []
+    for (axis, meeting, ensemble), each in drawn.groupby(["axis", "encounters", "ensemble"], sort=False):
+        cells = [_beside(row["gamma"], row["printed"]) + f" {row['lower']:.2f} to {row['upper']:.2f}" for _, row in each.iterrows()]
+        rows.append((axis, "with" if meeting else "without", ensemble, *cells))
+    title = "γ of ⟨X'²⟩ and ⟨Y'²⟩, 95 % intervals (figs 4-17 and 4-18)"
+    print_table(out, ("axis", "encounters", "ensemble", *grains.RANGES), rows, title=title, title_justify="left")
 
 
 def print_turbulence(out: Console, table: pd.DataFrame) -> None:
     """What turbulence and coupling change, with 95 % intervals over seeds."""
-    shown = Table("laws", "R_p", "T", "variant", "height", "change", "length", "change", "velocity", "change", "status", box=None)
+    lines = []
     for (laws, size, stage, variant), rows in table.groupby([*turbulence.RUN, "variant"], sort=False):
         own = rows.set_index("quantity")
         cells = []
         for name in statistics.VARIABLES:
             row = own.loc[name]
             cells += [f"{row['mean']:.3g}", "" if variant == "plain" else f"{row['change']:+.2g} ± {row['interval']:.1g}"]
-        shown.add_row(laws, _short(size), _short(stage), variant, *cells, own["status"].iloc[0])
-    out.print(shown)
+        lines.append((laws, _short(size), _short(stage), variant, *cells, own["status"].iloc[0]))
+    print_table(out, ("laws", "R_p", "T", "variant", "height", "change", "length", "change", "velocity", "change", "status"), lines)
 
 
 def _run(row: pd.Series) -> tuple[str, ...]:
@@ -947,7 +917,7 @@ def print_ranking(out: Console, ranking: pd.DataFrame) -> None:
     """The best models: mean rank, and per R_p and source rank, error, and overlap or share inside the envelope."""
     against = list(dict.fromkeys(zip(ranking["particle_reynolds"], ranking["source"], strict=True)))
     heads = [f"R_p {reynolds:.4g}, {source}" for reynolds, source in sorted(against)]
-    shown = Table("model", "mean rank", *heads, box=None)
+    lines = []
     models = list(dict.fromkeys(ranking["model"]))
     for model in models[:SHOWN]:
         rows = ranking[ranking["model"] == model]
@@ -955,8 +925,8 @@ def print_ranking(out: Console, ranking: pd.DataFrame) -> None:
         for reynolds, source in sorted(against):
             row = rows[(rows["particle_reynolds"] == reynolds) & (rows["source"] == source)]
             cells.append(_score(row.iloc[0]) if len(row) else "")
-        shown.add_row(model, _short(rows["mean_rank"].iloc[0]), *cells)
-    out.print(shown)
+        lines.append((model, _short(rows["mean_rank"].iloc[0]), *cells))
+    print_table(out, ("model", "mean rank", *heads), lines)
     if len(models) > SHOWN:
         out.print(f"and {len(models) - SHOWN} more")
 

@@ -118,26 +118,12 @@ class Processes(Executor):
 class SerialExecutor(Executor):
     """An executor that does each task at once, in this process: for callers that must not start others.
 
-    Examples
-    --------
     >>> SerialExecutor().submit(pow, 2, 10).result()
     1024
     """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call a function.
-
-        Parameters
-        ----------
-        fn : callable
-        *args, **kwargs
-            Its arguments.
-
-        Returns
-        -------
-        Future
-            Done, with the result or the error.
-        """
+        """Call a function: a future that is done, with the result or the error."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))

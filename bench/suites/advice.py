@@ -32,36 +32,19 @@ Rival = tuple[Rule, float, int]  # with its step and the number of steps
 
 @dataclass(frozen=True)
 class Case:
-    """A rate, and what is told to `advise` about it.
-
-    Attributes
-    ----------
-    name, description : str
-    rate : callable
-        g(t), seconds to (nodes,) or (nodes, columns).
-    scale : float, seconds
-        Told to `advise`, unless `samples`.
-    length : float, seconds
-    exact : callable or None
-        H(t) from the second node on; None: a finer run of a high order.
-    kernel : Kernel
-    particles, components : int
-    initial_slip : float
-    samples : bool
-        Whether `advise` gets a stretch of the rate instead of the scale.
-    """
+    """A rate, and what is told to `advise` about it."""
 
     name: str
     description: str
-    rate: Function
-    scale: float
-    length: float
-    exact: Function | None = None
+    rate: Function  # g(t), seconds to (nodes,) or (nodes, columns)
+    scale: float  # s, told to `advise`, unless `samples`
+    length: float  # s
+    exact: Function | None = None  # H(t) from the second node on; None: a finer run of a high order
     kernel: Kernel = BassetKernel()
     particles: int = 1
     components: int = 1
     initial_slip: float = 0.0
-    samples: bool = False
+    samples: bool = False  # whether `advise` gets a stretch of the rate instead of the scale
 
     def truth(self, dt: float, steps: int) -> Floats:
         """H at every node but the first."""

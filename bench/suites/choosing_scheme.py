@@ -22,7 +22,8 @@ from saltation.workers import cores, processes
 ERRORS = (0.01, 0.001)
 OTHER = 1000  # added to the seeds that a choice has seen
 TIGHT = (1e-10, *schemes.REFERENCES)
-LONGER, BEDS, SOME = 200, 6, 12  # jumps of a run, runs; jumps of a look at the time
+LONGER, BEDS = 200, 6  # jumps of a run, runs
+SOME, LOOKS = 60, 3  # jumps of a look at the time, looks
 CHEAPER = 1.5  # times within it of the cheapest are as good
 PLANE = {"effects": ["weight", "drag", "added_mass", "history"], "dimensions": 2, "magnus": None, "rotation": None}
 KEEPING = {"rebound": "garcia_nino", "friction": None, "tangential_retention": 0.8}
@@ -129,12 +130,13 @@ def every_rival(trial: Trial, chosen: Mapping[float, float]) -> tuple[list[tuple
     sizes = [schemes.rounded(trial.duration / 4.0 * 2.0**-k) for k in range(4)]
     found: list[tuple[Entry, Sample]] = []
     quickest = math.inf
-    for candidate, size in schemes.candidates(trial.given, trial.duration, schemes.TAIL_SHARE * max(ERRORS), sizes).items():
-        entry = Entry(candidate, candidate.fixed and schemes.grows(trial, candidate, size))
+    for candidate, first in schemes.candidates(trial.given, trial.duration, schemes.TAIL_SHARE * max(ERRORS), sizes).items():
+        entry = Entry(candidate, candidate.fixed and schemes.grows(trial, candidate, first))
         if not candidate.fixed:
             found += [(entry, trial.sample(entry, rtol, BEDS)) for rtol in schemes.RTOLS[:2]]
             continue
-        seconds = jump_of(trial, entry, size)
+        looks = ((step, jump_of(trial, entry, step)) for step in sizes if step <= first)
+        size, seconds = next((look for look in looks if look[1] < math.inf), (first, math.inf))
         quickest = min(quickest, seconds)
         for wanted, most in chosen.items():
             if seconds <= most / CHEAPER:
@@ -146,7 +148,7 @@ def finest(trial: Trial, entry: Entry, size: float, most: float) -> float:
     """The shortest step, to a factor of the root of two, at which a jump takes at most so many seconds of CPU time."""
     shorter = 0.25
     while shorter < 1.0:
-        if trial.accepts(entry.candidate, schemes.rounded(size * shorter)) and jump_of(trial, entry, schemes.rounded(size * shorter)) <= most:
+        if jump_of(trial, entry, schemes.rounded(size * shorter)) <= most:
             size = schemes.rounded(size * shorter)
         else:
             shorter **= 0.5
@@ -156,9 +158,14 @@ def finest(trial: Trial, entry: Entry, size: float, most: float) -> float:
 
 
 def jump_of(trial: Trial, entry: Entry, size: float) -> float:
-    """CPU seconds of a jump, at a look."""
-    (_, _, once), (_, _, some) = trial.fly([trial.paired_scene(entry.candidate, size, jumps) for jumps in (1, SOME)])
-    return max(1e-9, (some - once) / (SOME - 1))
+    """CPU seconds of a jump, at a look: the quickest of some runs less the quickest to the first jump, everything compiled; infinite where there is none."""
+    if not trial.accepts(entry.candidate, size):
+        return math.inf
+    short, long = (trial.paired_scene(entry.candidate, size, jumps) for jumps in (1, SOME))
+    if trial.fly([long])[0][0] != "finished":  # compiles
+        return math.inf
+    once, some = (min(seconds for _, _, seconds in trial.fly([scene] * LOOKS)) for scene in (short, long))
+    return (some - once) / (SOME - 1)
 
 
 def scene_of(named: tuple[str, dict[str, Any]]) -> Any:

@@ -31,35 +31,18 @@ TARGET = 1e-6  # of the race on the bouncing sphere
 
 @dataclass(frozen=True)
 class Case:
-    """One equation with its exact solution.
-
-    Attributes
-    ----------
-    name, start : str
-        How the memory starts: smooth, flat, rest (√t terms), slip (a jump at t = 0), impacts.
-    fun : callable
-        Rate without history.
-    end : float, seconds
-    y0 : tuple of float
-    exact : callable
-        Times (k,) -> states (n_states, k); for the bouncing sphere heights and velocities.
-    memory : tuple of int
-    initial_slip : float or None
-    coefficient : float, s^(-1/2)
-    impacts : ndarray or None
-        Exact impact times, s.
-    """
+    """One equation with its exact solution."""
 
     name: str
-    start: str
-    fun: Callable[[float, Floats], Any]
-    end: float
+    start: str  # of the memory: smooth, flat, rest (√t terms), slip (a jump at t = 0), impacts
+    fun: Callable[[float, Floats], Any]  # rate without history
+    end: float  # s
     y0: tuple[float, ...]
-    exact: Callable[[Floats], Floats]
+    exact: Callable[[Floats], Floats]  # times (k,) -> states (n_states, k); for the bouncing sphere heights and velocities
     memory: tuple[int, ...] = (0,)
     initial_slip: float | None = None
-    coefficient: float = COEFFICIENT
-    impacts: Floats | None = None
+    coefficient: float = COEFFICIENT  # s^(-1/2)
+    impacts: Floats | None = None  # exact times, s
     restitution: float = RESTITUTION
 
     def solve(self, method: Method, dense: bool = False) -> Solution:

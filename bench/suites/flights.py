@@ -62,13 +62,7 @@ def engine_of(content: Content, rtol: float = RTOL) -> Engine:
 
 
 def fly(engine: Engine, jumps: int) -> tuple[Grain, Floats]:
-    """The grain after so many jumps, and their table as recorded; nothing of the path.
-
-    Raises
-    ------
-    RuntimeError
-        If it does not get that far.
-    """
+    """The grain after so many jumps, and their table as recorded; nothing of the path. RuntimeError if it does not get that far."""
     grain, table = Grain(engine), np.zeros((jumps, len(layout.COLUMNS)))
     code, _ = grain.fly(empty_record(1, engine.tables.count, engine.states), False, table)
     if code not in (layout.JUMPS, layout.CROWDED):
@@ -128,13 +122,7 @@ def costs(rounds: int) -> dict[str, Any]:
 
 
 def by_hand() -> dict[str, Any]:
-    """The scene of weight and drag beside the same arithmetic written by hand; both have to fly the same jumps.
-
-    Raises
-    ------
-    RuntimeError
-        If the jumps differ by more than 1e-12, or the simulator holds more than four states.
-    """
+    """The scene of weight and drag beside the same arithmetic written by hand; RuntimeError if jumps differ by 1e-12, or for more than four states."""
     rows = []
     for rtol in (1e-3, RTOL, 1e-7):
         engine = engine_of(weight_and_drag(), rtol)
@@ -265,13 +253,7 @@ print("landed", flush=True)
 
 
 def to_first_jump(cache: Path | None) -> float:
-    """Seconds from the start of Python to the end of the first jump of the sand scene.
-
-    Raises
-    ------
-    RuntimeError
-        If it does not land.
-    """
+    """Seconds from the start of Python to the end of the first jump of the sand scene; RuntimeError if it does not land."""
     environment = os.environ | ({"NUMBA_CACHE_DIR": str(cache)} if cache is not None else {})
     start = time.perf_counter()
     with subprocess.Popen([sys.executable, "-c", FIRST_JUMP], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as process:

@@ -50,13 +50,7 @@ class Timed:
         self.samples = Samples(self.scene.cloud.interval, np.zeros(1, dtype=np.int64), none)
 
     def fly(self, grain_time: float) -> None:
-        """One piece; the logs are thrown away.
-
-        Raises
-        ------
-        RuntimeError
-            If the run stops.
-        """
+        """One piece; the logs are thrown away. RuntimeError if the run stops."""
         span = grain_time / self.number
         begin = time.perf_counter()
         code = UNTIL

@@ -34,26 +34,14 @@ Compute = Callable[[int], Any]
 
 @dataclass(frozen=True)
 class Peer:
-    """One way to the answer.
-
-    Attributes
-    ----------
-    name, package : str
-    make : callable
-        Imports what it needs and returns n -> H, at nodes 1 … n or at the last one alone.
-    single : bool
-        Whether that is one value.
-    tolerance : float
-        Agreement asked before it is timed, absolute, with `steps` steps: what its order allows.
-    steps : int
-    """
+    """One way to the answer."""
 
     name: str
     package: str
-    make: Callable[[], Compute]
-    tolerance: float
+    make: Callable[[], Compute]  # imports what it needs and returns n -> H, at nodes 1 … n or at the last one alone
+    tolerance: float  # agreement asked before it is timed, absolute, with `steps` steps: what its order allows
     steps: int
-    single: bool = False
+    single: bool = False  # whether H is one value
 
 
 def _scipy(single: bool) -> Compute:

@@ -37,13 +37,7 @@ Case = tuple[Callable[[], Any], Callable[[], Any]]  # what is dear and what is c
 
 
 def fresh(script: str, folder: str | None = None) -> dict[str, Any]:
-    """What a script prints as JSON in a process of its own, whose compiled code lies in that folder: empty at first, or shared with others.
-
-    Raises
-    ------
-    RuntimeError
-        If it fails: the last line that it said.
-    """
+    """What a script prints as JSON in a process of its own, its compiled code in that folder, empty at first or shared; RuntimeError with its last line."""
     environment = os.environ | ({"NUMBA_CACHE_DIR": folder} if folder is not None else {})
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -68,13 +62,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {"sand": (), "without history": ("history
 
 
 def clocked_function(name: str) -> FunctionType:
-    """The function of that name that the steps of a flight are compiled from.
-
-    Raises
-    ------
-    LookupError
-        If there is none.
-    """
+    """The function of that name that the steps of a flight are compiled from; LookupError if there is none."""
     for package in ("saltation.flight", "basset.solvers.stepper", "basset.solvers"):
         for key, module in sorted(sys.modules.items()):
             found = getattr(module, name, None) if key.startswith(package) else None
@@ -350,13 +338,7 @@ def impacts() -> Case:
 
 
 def same(one: Any, other: Any) -> None:
-    """Have both the same bits.
-
-    Raises
-    ------
-    RuntimeError
-        If they have not.
-    """
+    """Have both the same bits; RuntimeError if they have not."""
     if not all(np.array_equal(mine, theirs) for mine, theirs in zip(one, other, strict=True)):
         raise RuntimeError("both sides must give the same bits")
 

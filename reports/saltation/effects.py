@@ -7,9 +7,9 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, legend
+from basset._look import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED
 from reports.saltation.records import QUANTITIES, modification, number, percent, places, ratio, ticks
-from reports.site.page import save, table
+from reports.site.page import finished, save, table
 from reports.words import Record, of, signed
 
 SCENES = {"sand": "sand, R_p 73, T 1.87", "sand_coarse": "coarse sand, R_p 250, T 3.08", "gravel": "gravel, 30 mm, T 1.72"}
@@ -40,15 +40,8 @@ def effect_table(data: Record, group: str) -> str:
     return table(["", *(f"{title}<br>({base})" for title, base in zip(SCENES.values(), bases, strict=True))], rows)
 
 
-SINGLE = {
-    "all effects": (BLACK, "-"),
-    "no history": (RED, "-"),
-    "takeoff slip forgotten": (RED, "--"),
-    "no Magnus": (ORANGE, "-"),
-    "no lift": (GREEN, "-"),
-    "no added mass": (PINK, "-"),
-    "weight and drag alone": (BLUE, "-"),
-}
+FORGOTTEN = "takeoff slip forgotten"  # dashed
+SINGLE = {"all effects": BLACK, "no history": RED, FORGOTTEN: RED, "no Magnus": ORANGE, "no lift": GREEN, "no added mass": PINK, "weight and drag alone": BLUE}
 
 
 def draw_effects(data: Record) -> Any:
@@ -73,9 +66,9 @@ def draw_effects(data: Record) -> Any:
     names = [f"— {titles[group]} —" for group in titles][::-1]
     labels = [names.pop(0) if pair is None else pair[1] for pair in rows]
     panels[0].set_yticks(range(len(rows)), labels)
-    figure.suptitle("Magnus and what spins the grain, history and contact decide a jump; the form of drag and of added mass hardly matter to sand")
-    legend(figure, panels[0], 3)
-    return figure
+    return finished(
+        figure, panels[0], 3, "Magnus and what spins the grain, history and contact decide a jump; the form of drag and of added mass hardly matter to sand"
+    )
 
 
 def single_of(data: Record, figure: str, start: int) -> Record:
@@ -87,18 +80,16 @@ def draw_single(records: Sequence[Record]) -> Any:
     """Single jumps of thesis figs 3-5 and 3-6, effects off one by one."""
     figure, panels = plt.subplots(2, 2, figsize=(11.0, 7.6))
     for axes, found in zip(panels.ravel(), records, strict=True):
-        for name, (colour, dash) in SINGLE.items():
+        for name, colour in SINGLE.items():
             row = found["paths"][name]
-            axes.plot(row["x"], row["z"], dash, color=colour, linewidth=2.2 if name == "all effects" else 1.3, label=name)
+            axes.plot(row["x"], row["z"], "--" if name == FORGOTTEN else "-", color=colour, linewidth=2.2 if name == "all effects" else 1.3, label=name)
         takeoff, grain = found["takeoff"], "sand" if found["figure"] == "3-6" else "gravel"
         text = f"u = {takeoff['u']:.3g}, w = {takeoff['w']:.3g} u*, ω = {takeoff['spin']:.3g} u*/d"
         axes.set_title(
             f"{grain}, d = {1e3 * found['diameter']:.3g} mm, u* = {found['shear_velocity']:.3g} m/s (fig. {found['figure']})\ntakeoff {text}", fontsize=10
         )
         axes.set(xlabel="x (d)", ylabel="rise (d)", xlim=(0.0, None), ylim=(0.0, None))
-    figure.suptitle("A single jump: what sand does depends on whether its takeoff is remembered; gravel's on the spin it starts with")
-    legend(figure, panels[0, 0], 4)
-    return figure
+    return finished(figure, panels[0, 0], 4, "A single jump: what sand does depends on whether its takeoff is remembered; gravel's on the spin it starts with")
 
 
 def fields(found: Record) -> dict[str, Any]:

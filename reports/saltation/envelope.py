@@ -7,9 +7,9 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from basset._look import BLUE, GREEN, ORANGE, PURPLE, RED, SKY, legend
+from basset._look import BLUE, GREEN, ORANGE, PURPLE, RED, SKY
 from reports.saltation.records import AXES, QUANTITIES, SIZES, STAGE, errors, grid, inside, number, points, published, side, stages
-from reports.site.page import save, table
+from reports.site.page import finished, save, table
 from reports.words import Record, of, span
 
 REGRESSIONS = {"lee_hsu_1994": ("Lee–Hsu 1994", "--"), "sklar_dietrich_2004": ("Sklar–Dietrich 2004", "-."), "van_rijn_1984": ("van Rijn 1984", ":")}
@@ -117,9 +117,7 @@ def draw_envelope(found: Record) -> Any:
             axes.tick_params(axis="y", which="minor", labelsize=7)
         panels[0, column].set_title(f"R$_p$ = {reynolds}")
         panels[2, column].set_xlabel(STAGE)
-    figure.suptitle("Memories alone spread the model as widely as the regressions differ: only trends and the envelope can be tested")
-    legend(figure, panels[0, 0], 3)
-    return figure
+    return finished(figure, panels[0, 0], 3, "Memories alone spread the model as widely as the regressions differ: only trends and the envelope can be tested")
 
 
 def fields(found: Record) -> dict[str, Any]:

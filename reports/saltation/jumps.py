@@ -11,7 +11,7 @@ import pandas as pd
 
 from basset._look import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, RED, YELLOW, legend
 from reports.saltation.records import AXES, SIZES, STAGE, errors, grid, number, share, stages
-from reports.site.page import save, table
+from reports.site.page import finished, save, table
 from reports.words import Record, of, span
 from saltation.plots import run as plots
 
@@ -176,9 +176,7 @@ def draw_saturation(records: Sequence[Record]) -> Any:
         if quantity != "velocity":
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter("{x:g}")
-    figure.suptitle("Run A stops growing with T because the prescribed spin turns Magnus over; with computed spin nothing saturates")
-    legend(figure, panels[0], 4)
-    return figure
+    return finished(figure, panels[0], 4, "Run A stops growing with T because the prescribed spin turns Magnus over; with computed spin nothing saturates")
 
 
 def draw_diffusion(found: Record) -> Any:
@@ -210,9 +208,7 @@ def draw_bed_load(found: Record) -> Any:
             load = [row["bed_load"][key] for row in rows]
             axes.plot([row["stage"] for row in rows], load, dash, color=colour, marker=mark, label=f"{title}, R$_p$ = {reynolds}")
     axes.set(yscale="log", xlabel=STAGE, ylabel="bed load q* = q/√(R g d³)")
-    axes.set_title("Bagnold's balance with these impacts carries several times too much")
-    legend(figure, axes, 2)
-    return figure
+    return finished(figure, axes, 2, "Bagnold's balance with these impacts carries several times too much")
 
 
 def fields(found: Record) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from basset._look import BLACK, BLUE, BROWN, GREY, ORANGE, PINK, RED, legend
+from basset._look import BLACK, BLUE, BROWN, GREY, ORANGE, PINK, RED
 from bench.suites.saltation import ALIKE, PRINTED, RUN_A, UNIFORM
 from reports.saltation.records import QUANTITIES, SIZES, STAGE, share
-from reports.site.page import save, table
+from reports.site.page import finished, save, table
 from reports.words import Record, of, span
 
 PRINTED_OVERLAP = {"A1": 53.98, "A2": 14.52, "A3": 48.72, "A4": 53.31}  # per cent, thesis Table 3-5
@@ -121,9 +121,7 @@ def draw_heights(found: Mapping[str, Record]) -> Any:
     axes.annotate("H < 0.1 d: creeping", (0.1, 0.03), xytext=(-4, 0), textcoords="offset points", ha="right", color="#666666", fontsize=9)
     axes.set(xscale="log", xlabel="rise of a jump H (d)", ylabel="share of jumps below", xlim=(1e-4, 3.0), ylim=(0, 1))
     lifted = "Set 2, R$_p$ 73, T 1.87: touching spheres lift the grain, planes tilted by ± 4° do not;"
-    axes.set_title(f"{lifted}\nplanes uniform within ± 30° make large jumps and extremely small ones")
-    legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, f"{lifted}\nplanes uniform within ± 30° make large jumps and extremely small ones")
 
 
 def draw_ranks(models: Sequence[Record]) -> Any:
@@ -159,9 +157,7 @@ def draw_overlap(found: Record) -> Any:
     low, high = np.maximum(edges[0][0], edges[1][0]), np.minimum(edges[0][1], edges[1][1])
     axes.fill_between(stages, low, np.maximum(high, low), color=BLACK, alpha=0.35, label="common area", linewidth=0.0)
     axes.set(xlabel=STAGE, ylabel="rise H (d), mean ± standard deviation", ylim=(0, None))
-    axes.set_title(f"An overlap area: {found['areas']['height']:.0f} % of the first band (two of our own models, no measurement)")
-    legend(figure, axes, 3)
-    return figure
+    return finished(figure, axes, 3, f"An overlap area: {found['areas']['height']:.0f} % of the first band (two of our own models, no measurement)")
 
 
 def fields(found: Record) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from basset._look import legend
 from reports.words import Record, Words
 
 HERE = Path(__file__).resolve().parents[1]  # the committed pages, and what they are made from
@@ -108,6 +109,13 @@ def write(path: Path, text: str) -> None:
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") -> str:
     """A Markdown table."""
     return "\n".join(indent + "| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def finished(figure: Any, axes: Any, columns: int, title: str) -> Any:
+    """The figure with its title, and below it one legend for all panels, that of `axes`."""
+    (figure.suptitle if len(figure.axes) > 1 else axes.set_title)(title)
+    legend(figure, axes, columns)
+    return figure
 
 
 def _alternative(figure: Any) -> str:

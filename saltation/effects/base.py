@@ -13,10 +13,12 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+from pydantic import model_validator
+
 from basset._compile import method, overloads, shared
 from saltation.grain import Numbers, Triple
 
-__all__ = ["Force", "NoTorque", "Setting", "Situation", "Torque", "joined", "length", "total_force"]
+__all__ = ["Force", "NoTorque", "Setting", "Situation", "Torque", "coefficient_of", "joined", "length", "total_force"]
 
 
 class Situation(NamedTuple):
@@ -69,6 +71,17 @@ class NoTorque(NamedTuple):
     def torque(self, s: Situation) -> Triple:
         """Zero."""
         return 0.0, 0.0, 0.0
+
+
+def coefficient_of(law: str, usual: float) -> Any:
+    """A validator of options: `coefficient` is that of one law, and of no other."""
+
+    def check(self: Any) -> Any:
+        if self.law != law and self.coefficient != usual:
+            raise ValueError(f"coefficient belongs to law = {law!r}, got {self.coefficient:g} with law = {self.law!r}: leave one of them out")
+        return self
+
+    return model_validator(mode="after")(check)
 
 
 @shared

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, NamedTuple, Protocol
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from basset._compile import method, shared
 from saltation._tables import Table
 from saltation.closures import Closure
-from saltation.effects.base import Setting, Situation, joined, length
+from saltation.effects.base import Setting, Situation, coefficient_of, joined, length
 from saltation.flow import continued
 from saltation.grain import Triple
 
@@ -39,11 +39,7 @@ class Options(Table):
     law: Literal["squares", "saffman", "mclaughlin", "mei", "loth"] = Field("squares", description="the thesis's difference of squares, or a law of the shear")
     coefficient: float = Field(SQUARES, ge=0.0, le=1.0, description="C_L of law = 'squares', dimensionless")
 
-    @model_validator(mode="after")
-    def _one_law(self) -> Options:
-        if self.law != "squares" and self.coefficient != SQUARES:
-            raise ValueError(f"coefficient belongs to law = 'squares', got {self.coefficient:g} with law = {self.law!r}: leave one of them out")
-        return self
+    _one_law = coefficient_of("squares", SQUARES)
 
 
 class Lift(NamedTuple):

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, NamedTuple, Protocol
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from basset._compile import method
 from saltation._tables import Table
 from saltation.closures import Closure
-from saltation.effects.base import Setting, Situation, length
+from saltation.effects.base import Setting, Situation, coefficient_of, length
 from saltation.grain import Triple
 
 __all__ = ["Law", "Linear", "Loth", "OesterleBuiDinh", "Options", "Vector", "Vertical"]
@@ -52,11 +52,7 @@ class Options(Table):
         description="C of law = 'linear', dimensionless: 0.75 in creeping flow, a fifth of it (0.15) measured at Re 550 to 1600 (Tsuji et al. 1985)",
     )
 
-    @model_validator(mode="after")
-    def _one_law(self) -> Options:
-        if self.law != "linear" and self.coefficient != CREEPING:
-            raise ValueError(f"coefficient belongs to law = 'linear', got {self.coefficient:g} with law = {self.law!r}: leave one of them out")
-        return self
+    _one_law = coefficient_of("linear", CREEPING)
 
 
 class Law(Protocol):

@@ -107,15 +107,7 @@ RUN_FIELDS = {"parts", "time", "status", "message", "fates", "provenance", "scen
 
 
 def read_run_json(folder: Path) -> dict[str, Any]:
-    """The fields of run.json.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    DamageError
-        If it is not what was written.
-    """
+    """The fields of run.json; OSError if it cannot be read, DamageError if it is not what was written."""
     file = folder / "run.json"
     content = file.read_bytes()
     try:
@@ -135,15 +127,7 @@ def run_json_of(told: dict[str, Any]) -> str:
 
 
 def part_in(file: Path, number: int, key: str | None) -> xr.Dataset:
-    """A part of a run.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    DamageError
-        If it is not what was written, or of another run.
-    """
+    """A part of a run; OSError if it cannot be read, DamageError if it is not what was written, or of another run."""
     found = open_dataset(file)
     own = found.attrs.get("part", number) == number and key in (None, found.attrs.get("key", key))
     if not own or ("part" not in found.attrs and "jump_start" not in found):
@@ -152,13 +136,7 @@ def part_in(file: Path, number: int, key: str | None) -> xr.Dataset:
 
 
 def open_folder(folder: Path, count: int | None = None) -> Result:
-    """The result in the folder of a long run, as far as it has come, or its first so many parts.
-
-    Raises
-    ------
-    ValueError
-        If it is no such folder, or a file of it is not what was written.
-    """
+    """The result in the folder of a long run, as far as it has come, or its first so many parts; DamageError for a file that is not what was written."""
     try:
         told = read_run_json(folder)
     except OSError:

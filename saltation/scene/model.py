@@ -179,7 +179,7 @@ class SceneBase(Table):
 
         Returns
         -------
-        Scene
+        Scene, validated anew
 
         Raises
         ------
@@ -651,13 +651,7 @@ def shipped() -> dict[str, Path]:
 
 
 def read(path: str | Path) -> dict[str, Any]:
-    """What a TOML file holds, or one of the scenes shipped by name ("sand.toml" or "sand"); not yet a validated scene.
-
-    Raises
-    ------
-    SceneError
-        With one sentence, if the file is missing or is no TOML.
-    """
+    """What a TOML file holds, or one of the scenes shipped by name ("sand.toml" or "sand"), not yet validated; SceneError if it is missing or no TOML."""
     file = Path(path)
     known = shipped()
     try:
