@@ -180,7 +180,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
     """
     from saltation.scene import AUTO
 
-    made = scene_of(changed(read(scene), changes))
+    made = made_of(scene, changes)
     folder = output if made.cloud is not None else None
     if folder is not None:
         check_folder(folder)
@@ -302,7 +302,7 @@ def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float 
         if output.suffix not in (".json", ".csv", ".png", ".pdf", ".svg"):
             raise Mistake(f"--output must end in .json, .csv, .png, .pdf or .svg, got {str(output)!r}")
         check_output(output, force)
-    made = scene_of(changed(read(scene), changes))
+    made = made_of(scene, changes)
     try:
         with stoppable(None):
             table = schemes.select_scheme(made, error, dt, seconds=seconds, say=lambda text: click.echo(text, err=True))
@@ -351,7 +351,7 @@ def compare(
         check_table_or_picture(output, force, record)
     if start is not None and contact is not None:
         raise Mistake("--from and --contact exclude each other: the one follows from the other by the flight of the scene")
-    made, fit = scene_of(changed(read(scene), changes)), dict(map(range_of, fields))
+    made, fit = made_of(scene, changes), dict(map(range_of, fields))
     names = [name.strip() for name in columns.split(",")] if columns is not None else []
     try:
         with stoppable(None), mistakes_of_files("RECORD"), progress("fitting" if fit else "flying", TimeElapsedColumn()) as report:
@@ -399,7 +399,7 @@ def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | 
         raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
     if output is not None:
         check_table_or_picture(output, force)
-    return scene_of(changed(read(scene), changes))
+    return made_of(scene, changes)
 
 
 def deliver(output: Path | None, table: str, picture: Callable[[], Any]) -> None:
@@ -849,11 +849,10 @@ def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     out.print(f"\nall {len(table)} combinations, {finished.sum()} of them finish")
     from saltation.results.tables import UNITS
 
-    below = [
-        (f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in statistics.VARIABLES)) for quantile, row in choices.extent(table).iterrows()
-    ]
-    share = [(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in statistics.VARIABLES)) for choice, row in choices.shares(table).iterrows()]
-    print_table(out, ("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in statistics.VARIABLES)), below + share)
+    names = statistics.VARIABLES
+    rows = [(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in names)) for quantile, row in choices.extent(table).iterrows()]
+    rows += [(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in names)) for choice, row in choices.shares(table).iterrows()]
+    print_table(out, ("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in names)), rows)
 
 
 def print_means(out: Console, table: pd.DataFrame) -> None:

@@ -128,8 +128,7 @@ def draw_quartiles(found: Record) -> Any:
     for axes, axis, where in ((panels[0], "x", "along the stream"), (panels[1], "z", "normal to the bed")):
         shown = {name: row for name, row in found[f"quartiles_{axis}"].items() if row[-1] > 0.0}
         stats = [
-            {"whislo": r[0], "q1": r[1], "med": r[2], "q3": r[3], "whishi": r[4], "label": plots.FORCES[name][2].replace(" ", "\n")}
-            for name, r in shown.items()
+            {"whislo": r[0], "q1": r[1], "med": r[2], "q3": r[3], "whishi": r[4], "label": plots.WORDS[name].replace(" ", "\n")} for name, r in shown.items()
         ]
         drawn = axes.bxp(stats, showfliers=False, patch_artist=True, medianprops={"color": BLACK})
         for box, name in zip(drawn["boxes"], shown, strict=True):

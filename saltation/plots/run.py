@@ -24,14 +24,8 @@ from saltation.results.result import Result
 
 __all__ = ["budget", "diffusion", "jumps", "spin", "stream", "trajectory"]
 
-FORCES = {  # colour, marker, name
-    "weight": (BLACK, "s", "weight"),
-    "drag": (BLUE, "D", "drag"),
-    "history": (RED, "o", "history"),
-    "added_mass": (PINK, "v", "added-mass remainder"),
-    "lift": (GREEN, "^", "lift"),
-    "magnus": (ORANGE, "P", "Magnus"),
-}
+FORCES = {"weight": (BLACK, "s"), "drag": (BLUE, "D"), "history": (RED, "o"), "added_mass": (PINK, "v"), "lift": (GREEN, "^"), "magnus": (ORANGE, "P")}
+WORDS = {name: name for name in FORCES} | {"added_mass": "added-mass remainder", "magnus": "Magnus"}
 SPREAD = {"x": ("along the stream", BLUE, "D"), "y": ("across the stream", ORANGE, "o")}
 SHOWN = 8  # jumps of a path
 LOCAL, INTERMEDIATE = (0.02, 0.25), (5.0, 50.0)  # ranges of lags in mean durations: within a jump; many jumps
@@ -155,7 +149,7 @@ def draw_budget(figure: Figure, frame: pd.DataFrame, title: str) -> None:
         for name in found:
             if not found[name].abs().max() > 0.0:
                 continue
-            colour, marker, label = FORCES[str(name)]
+            (colour, marker), label = FORCES[str(name)], WORDS[str(name)]
             axes.plot(frame["phase"], found[name], color=colour, marker=marker, markevery=max(1, len(frame) // 8), label=label)
         axes.axhline(0.0, color="#999999", linewidth=0.8)
         axes.set(ylabel=f"share of the forces\n{where} (%)", ylim=(-100.0, 100.0))
@@ -171,7 +165,7 @@ def budget(result: Result) -> Figure:
     frame = result.budget()
     figure = Figure(figsize=(8.0, 7.4))
     up = shares(frame, "z").abs().mean().sort_values(ascending=False)
-    ranked = ", ".join(f"{FORCES[str(name)][2]} {value:.0f} %" for name, value in up.items() if value >= 0.5)
+    ranked = ", ".join(f"{WORDS[str(name)]} {value:.0f} %" for name, value in up.items() if value >= 0.5)
     draw_budget(figure, frame, f"What acts normal to the bed, on average over the jump:\n{ranked}")
     return figure
 
