@@ -309,16 +309,9 @@ def draw_accuracy(data: Record) -> Any:
         axes.set(title=title, xlabel="time per jump, one core (µs)")
     scheme, method, dt = data["thesis"]
     thesis = next(r for r in data["remembered"]["records"] if r["scheme"] == scheme and r["method"] == method and np.isclose(r["size"], dt))
-    panels[0].annotate(
-        f"the thesis's way: dt {dt:g}",
-        (1e6 * thesis["seconds"], thesis["rms"]),
-        xytext=(-10, -45),
-        textcoords="offset points",
-        ha="center",
-        color="#444444",
-        fontsize=9,
-        arrowprops={"arrowstyle": "-", "color": "#444444", "linewidth": 0.8},
-    )
+    text, place, grey = f"the thesis's way: dt {dt:g}", (1e6 * thesis["seconds"], thesis["rms"]), "#444444"
+    arrow = {"arrowstyle": "-", "color": grey, "linewidth": 0.8}
+    panels[0].annotate(text, place, xytext=(-10, -45), textcoords="offset points", ha="center", color=grey, fontsize=9, arrowprops=arrow)
     for axes in panels:
         low, high = axes.get_xlim()
         axes.set_xlim(low / 4.0, high)

@@ -67,11 +67,6 @@ def scheme_table(stream: Record) -> str:
     return table(head, rows)
 
 
-def call_table(calls: Record) -> str:
-    """What a call from Python costs."""
-    return table(["call", "time"], [[f"`{name}`" if " " not in name else name, seconds(value)] for name, value in calls.items()])
-
-
 def terms_table(fitted: list[Record]) -> str:
     """Terms by range and promise: ours, the law, the trapezoid; the error measured."""
     rows = []
@@ -223,7 +218,7 @@ def memory(data: dict[str, Record]) -> str:
         dot=seconds(1e-9 * head["dot"]),
         stream_step=seconds(1e-9 * head["stream"]),
         race_dot=factor(head["dot"] / head["stream"]),
-        calls=call_table(stream["calls"]),
+        calls=table(["call", "time"], [[f"`{name}`" if " " not in name else name, seconds(value)] for name, value in stream["calls"].items()]),
         second=f"{second['total']:.2f} s",
         second_parts=", ".join(f"{name} {second[name]:.2f} s" for name in ("import", "plan", "run")),
         figure_errors=save(draw_errors(stream["records"]), "memory_errors"),
@@ -399,15 +394,8 @@ def draw_windows(cosine: Record, saltation: Record) -> Any:
             for r in found if scheme == "window" else ():
                 if r["share"] in (0.01, 0.1, 0.5):
                     place = (100.0 * r[clock] / full[clock], r["error"])
-                    axes.annotate(
-                        f"window {100 * r['share']:g} %",
-                        place,
-                        xytext=(0, -15 if r["share"] == 0.1 else 6),
-                        textcoords="offset points",
-                        color=GREY,
-                        fontsize=8,
-                        ha="center",
-                    )
+                    text, shift = f"window {100 * r['share']:g} %", (0, -15 if r["share"] == 0.1 else 6)
+                    axes.annotate(text, place, xytext=shift, textcoords="offset points", color=GREY, fontsize=8, ha="center")
         axes.axvspan(10.0, 30.0, color="#eeeeee", zorder=0)
         axes.annotate("the thesis's\n70–90 % saved", (17.3, 3e-4), ha="center", color="#666666", fontsize=9)
         axes.set(title=title, xlabel="time of all steps (% of the full history's)", ylim=(1e-12, 4))

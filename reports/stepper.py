@@ -40,13 +40,6 @@ def apart_table(data: Record) -> str:
     return table(["part", "time per step", "share", "operations", "bytes of tables", "alone", "without history"], rows)
 
 
-def saved_table(rows: list[Record]) -> str:
-    """Both sides of every case."""
-    return table(
-        ["", "takes", "over", "ratio"], [[CASES[r["case"]], seconds(r["dear"]), seconds(r["cheap"]), f"{factor(r['dear'] / r['cheap'])} ×"] for r in rows]
-    )
-
-
 def per_step(row: Record) -> float:
     """Seconds of an accepted step."""
     return float(row["seconds"] / row["steps"])
@@ -59,6 +52,7 @@ def stepper(data: dict[str, Record]) -> str:
     shares = {part["part"]: part["seconds"] / sand["seconds"] for part in sand["parts"]}
     many, _, long = found["one_long"]["records"]
     impacts, threads = of(found["saved"], case="impacts")[0], found["independent"]
+    saved = [[CASES[r["case"]], seconds(r["dear"]), seconds(r["cheap"]), f"{factor(r['dear'] / r['cheap'])} ×"] for r in found["saved"]]
     cold = {row["what"]: row for row in found["compiling"]}
     numbers: dict[str, Any] = {name: found[name] for name in ("one_long", "independent", "crowd")}
     return fill(
@@ -75,7 +69,7 @@ def stepper(data: dict[str, Record]) -> str:
         further=found["compiling"][1]["cold"],
         figure=save(draw_apart(found["apart"]), "stepper_parts"),
         apart=apart_table(found["apart"]),
-        saved=saved_table(found["saved"]),
+        saved=table(["", "takes", "over", "ratio"], saved),
         many=table(["", "time", "steps", "per step"], [[r["case"], seconds(r["seconds"]), grouped(r["steps"]), seconds(per_step(r))] for r in (many, _, long)]),
         threads=table(
             ["threads", "time", "per jump", "one thread over it"],

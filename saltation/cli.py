@@ -59,6 +59,7 @@ else:  # the help needs none of them, most commands a few
     cores, processes = (Later("saltation.workers", name) for name in ("cores", "processes"))
 
 SCHEMES_SHOWN = 12  # candidates in a printed ranking
+PICTURES = (".png", ".pdf", ".svg")
 SHOWN = 15  # models in a printed ranking, as in the thesis's fig. 3-10
 SERIES = {"thesis": Later("saltation.study.thesis", "thesis"), "grains": Later("saltation.study.thesis", "grains")}
 SERIES |= {"turbulence": Later("saltation.study.turbulence", "turbulence")}
@@ -298,10 +299,7 @@ def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float 
 
     Prints the lines for the scene file.
     """
-    if output is not None:
-        if output.suffix not in (".json", ".csv", ".png", ".pdf", ".svg"):
-            raise Mistake(f"--output must end in .json, .csv, .png, .pdf or .svg, got {str(output)!r}")
-        check_output(output, force)
+    check_table_or_picture(output, force, kinds=(".json", ".csv", *PICTURES))
     made = made_of(scene, changes)
     try:
         with stoppable(None):
@@ -347,8 +345,7 @@ def compare(
     across, up), speed, depth, fall velocity, each under its name, with its unit or in SI. `time` fits by how many seconds the record's
     clock is late, `zero` how many metres its zero of heights lies below the bed.
     """
-    if output is not None:
-        check_table_or_picture(output, force, record)
+    check_table_or_picture(output, force, record)
     if start is not None and contact is not None:
         raise Mistake("--from and --contact exclude each other: the one follows from the other by the flight of the scene")
     made, fit = made_of(scene, changes), dict(map(range_of, fields))
@@ -386,19 +383,24 @@ def noise_of(errors: Sequence[str]) -> float | dict[str, float] | None:
     return found.get("", found) if found else None
 
 
-def check_table_or_picture(output: Path, force: bool, source: str | Path | None = None) -> None:
+def check_ending(option: str, path: Path, kinds: Sequence[str]) -> None:
+    """Refuse a kind of file that is not written."""
+    if path.suffix not in kinds:
+        raise Mistake(f"{option} must end in {', '.join(kinds[:-1])}{' or ' if len(kinds) > 1 else ''}{kinds[-1]}, got {str(path)!r}")
+
+
+def check_table_or_picture(output: Path | None, force: bool, source: str | Path | None = None, kinds: Sequence[str] = (".csv", *PICTURES)) -> None:
     """Refuse an output that is neither, or cannot be written."""
-    if output.suffix not in (".csv", ".png", ".pdf", ".svg"):
-        raise Mistake(f"--output must end in .csv, .png, .pdf or .svg, got {str(output)!r}")
-    check_output(output, force, source)
+    if output is not None:
+        check_ending("--output", output, kinds)
+        check_output(output, force, source)
 
 
 def prepared(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> Scene:
     """The scene; mistakes are found before anything is computed."""
     if not 1e-3 <= error <= 0.5:
         raise Mistake(f"--error must lie between 0.001 and 0.5, got {error:g}")
-    if output is not None:
-        check_table_or_picture(output, force)
+    check_table_or_picture(output, force)
     return made_of(scene, changes)
 
 
@@ -511,7 +513,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
         if name not in known:
             raise Mistake(f"--figure must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
     target = output or picture_of(result)
-    check_picture("--output", target, (".png", ".pdf", ".svg"))
+    check_picture("--output", target, PICTURES)
     if target == result:
         raise Mistake(f"--output must be another file than RESULT, got {str(target)!r}")
     if film is not None:
@@ -603,8 +605,7 @@ def picture_of(result: Path) -> Path:
 
 def check_picture(option: str, path: Path, kinds: Sequence[str]) -> None:
     """Refuse before anything is drawn."""
-    if path.suffix not in kinds:
-        raise Mistake(f"{option} must end in {', '.join(kinds[:-1])}{' or ' if len(kinds) > 1 else ''}{kinds[-1]}, got {str(path)!r}")
+    check_ending(option, path, kinds)
     if not path.parent.is_dir():
         raise Mistake(f"{option}: the folder {str(path.parent)!r} does not exist")
 

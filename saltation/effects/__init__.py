@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from types import ModuleType
+from typing import Any
 
 
 def _found() -> dict[str, ModuleType]:
@@ -14,3 +15,8 @@ def _found() -> dict[str, ModuleType]:
 
 
 EFFECTS: dict[str, ModuleType] = _found()
+
+
+def warnings_of(name: str, options: Any, numbers: Any) -> list[str]:
+    """What an effect has to say about its range with these options and numbers of a scene."""
+    return list(getattr(EFFECTS[name], "warnings", lambda options, numbers: ())(options, numbers))

@@ -21,7 +21,7 @@ from basset import __version__
 from basset.kernels import Floats
 from saltation import regressions, statistics
 from saltation._files import store
-from saltation.effects import EFFECTS
+from saltation.effects import warnings_of
 from saltation.grain import GRAVITY
 from saltation.results.tables import COUPLED, FATES, STREAM, attributes_of, counted_jumps, fate_table, no_encounters, shares, tables_to_dataset
 from saltation.scene import Scene
@@ -521,7 +521,6 @@ def installed(package: str) -> str:
 
 def origin(scene: Scene) -> dict[str, Any]:
     """What a result says about its scene before anything has moved."""
-    numbers = scene.numbers
     bed = scene.bed
     history = scene.options("history") if "history" in scene.names else None
     return {
@@ -537,13 +536,7 @@ def origin(scene: Scene) -> dict[str, Any]:
         "kernel": history.kernel if history else None,
         "scheme": history.scheme if history else None,
         "solver": scene.solver.model_dump(exclude_none=True),
-        "outside_validity": [text for name in scene.names for text in _warnings(name, scene, numbers)] + left(scene),
+        "outside_validity": [text for name in scene.names for text in warnings_of(name, scene.options(name), scene.numbers)] + left(scene),
         "seed": scene.run.seed,
         "versions": {"basset": __version__} | {name: installed(name) for name in ("numpy", "numba", "xarray")} | {"python": platform.python_version()},
     }
-
-
-def _warnings(name: str, scene: Scene, numbers: Any) -> list[str]:
-    """What an effect has to say about its range in this scene."""
-    found = getattr(EFFECTS[name], "warnings", None)
-    return found(scene.options(name), numbers) if found is not None else []

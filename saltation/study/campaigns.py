@@ -115,12 +115,8 @@ def outcome(result: Result) -> dict[str, Any]:
 
 def fly(texts: Mapping[str, str], whole: bool) -> dict[str, tuple[dict[str, Any], bytes]]:
     """Rows, and all that the runs left if `whole`, of some scenes in JSON by their keys: what a worker is given."""
-    return {key: _flown(key, run(scene_of(json.loads(text))), whole) for key, text in texts.items()}
-
-
-def _flown(key: str, result: Result, whole: bool) -> tuple[dict[str, Any], bytes]:
-    """Row and packed result of one run."""
-    return outcome(result), packed(result, key) if whole else b""
+    results = ((key, run(scene_of(json.loads(text)))) for key, text in texts.items())
+    return {key: (outcome(result), packed(result, key) if whole else b"") for key, result in results}
 
 
 def chunks(scenes: Mapping[str, Scene]) -> list[list[str]]:

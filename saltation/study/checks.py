@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from saltation.effects import EFFECTS
+from saltation.effects import EFFECTS, warnings_of
 from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES, saltation_layer
 from saltation.scene import AUTO, Coupling, Scene
@@ -200,5 +200,5 @@ def warnings(scene: Scene) -> list[str]:
     if scene.bed is None and scene.run.longest_flight is not None:
         found.append("run.longest_flight is ignored: without a [bed] there is no flight that is too long")
     for name in scene.names:
-        found += getattr(EFFECTS[name], "warnings", lambda options, numbers: [])(scene.options(name), n)
+        found += warnings_of(name, scene.options(name), n)
     return found + left(scene)

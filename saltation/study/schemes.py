@@ -609,7 +609,7 @@ def table_of(trial: Trial, entries: Sequence[Entry], ladder: Ladder, error: floa
             if goal is not None and all(goal.size != sample.size for sample in samples) and trial.accepts(entry.candidate, goal.size):
                 samples.append(goal)
         for sample in samples:
-            fixed = entry.candidate.fixed
+            fixed, bound = entry.candidate.fixed, entry.bound(sample, order) if sample.runs else sample.bound
             rows.append(
                 {
                     "scheme": entry.candidate.name,
@@ -617,25 +617,23 @@ def table_of(trial: Trial, entries: Sequence[Entry], ladder: Ladder, error: floa
                     "solver": entry.candidate.method,
                     "dt": sample.size if fixed else math.nan,
                     "rtol": math.nan if fixed else sample.size,
-                    "error": entry.bound(sample, order) if sample.runs else sample.bound,
+                    "error": bound,
                     **{f"{name}_change": float(sample.change[k]) for k, name in enumerate(VARIABLES)},
                     "seconds": sample.seconds,
                     "bytes": memory_of(trial, entry.candidate, sample.size),
                     "runs": sample.runs,
                     "order": order,
-                    "keeps": (entry.bound(sample, order) if sample.runs else sample.bound) <= error,
+                    "keeps": bound <= error,
                     "status": sample.status,
-                    "toml": entry.candidate.toml(sample.size),
-                    "words": entry.candidate.words(sample.size),
+                    "candidate": (entry.candidate, sample.size),
                 }
             )
     table = ranking(pd.DataFrame(rows), dt, ladder.budget)
-    best = table.iloc[0]
-    chosen = trial.given.changed(**best["words"])
-    found = table.drop(columns=["toml", "words"])
+    candidate, size = table.iloc[0]["candidate"]
+    found = table.drop(columns="candidate")
     found.attrs = {
-        "toml": best["toml"],
-        "scene": text_of(chosen),
+        "toml": candidate.toml(size),
+        "scene": text_of(trial.given.changed(**candidate.words(size))),
         "wanted": error,
         "dt": dt,
         "seconds": seconds,
