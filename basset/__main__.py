@@ -1,4 +1,4 @@
-"""`python -m basset`: the commands without an installed script; an interrupt is one sentence from the first line on."""
+"""`python -m basset`: the commands without an installed script; an interrupt prints one sentence, also while modules are still being loaded."""
 
 import importlib
 import os

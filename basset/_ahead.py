@@ -43,7 +43,7 @@ def slips() -> None:
 
 
 def times() -> None:
-    """Samples at any times, by exponentials and by their definition."""
+    """Samples at nonuniform times, by exponentials and by direct summation."""
     for rule in (Exponential(3, 1e-3), Daitche(3)):
         cumulate(np.ones(5), t=[0.0, 1.0, 1.5, 3.0, 4.0], rule=rule)
 
@@ -76,7 +76,7 @@ def tracks() -> None:
 TASKS: dict[str, Callable[[], None]] = {
     "streams of samples": streams,
     "streams with a slip-dependent kernel": slips,
-    "samples at any times": times,
+    "samples at nonuniform times": times,
     "stored tracks": tracks,
     "particles in a flow": spheres,
     "solvers of a Python function": python_functions,

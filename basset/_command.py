@@ -35,7 +35,7 @@ class Mistake(click.ClickException):
     exit_code = 2
 
     def show(self, file: IO[Any] | None = None) -> None:
-        """The sentence, without the ornaments of a usage error."""
+        """The sentence, without click's lines on usage."""
         click.echo(self.format_message(), err=True, file=file)
 
 
@@ -77,9 +77,9 @@ class Commands(click.Group):
             with stopping(), printing():
                 return super().invoke(ctx)
         except EOFError as error:  # click would say "Aborted!"
-            raise click.ClickException(f"a file ends too early: {error or 'nothing more can be read'}") from None
+            raise click.ClickException(f"a file ends too early: {error or 'more data was expected'}") from None
         except MemoryError as error:
-            raise click.ClickException(f"memory is full: {error or 'nothing more can be had'}{self.sparing}") from None
+            raise click.ClickException(f"out of memory: {error or 'an allocation failed'}{self.sparing}") from None
 
 
 @contextlib.contextmanager
@@ -167,7 +167,7 @@ def mistakes_of_files(option: str) -> Iterator[None]:
 def check_output(path: Path, force: bool, source: str | Path | None = None) -> None:
     """Refuse an output that cannot be written, or is the source, before anything is computed."""
     if source is not None and os.path.realpath(path) == os.path.realpath(source):
-        raise Mistake(f"--output must be another file than what is read, got {str(path)!r} for both")
+        raise Mistake(f"--output must differ from the file that is read, got {str(path)!r} for both")
     if path.is_dir():
         raise Mistake(f"--output must be a file, got the folder {str(path)!r}")
     if is_stream(path):

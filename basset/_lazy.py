@@ -8,7 +8,7 @@ from typing import Any
 
 
 def face(package: str, names: dict[str, Any], places: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """(__getattr__, __dir__) of a package: `places` says which of its modules a name comes from, "module" or "module:name there".
+    """(__getattr__, __dir__) of a package: `places` gives the module of each public name, "module" or "module:name there".
 
     `names` are the package's globals. A module of the package is found by its own name too, as if the package had imported it.
     """

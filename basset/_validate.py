@@ -1,4 +1,4 @@
-"""Checks of arguments: one sentence that names the argument, what came and what would be right."""
+"""Checks of arguments: one sentence that names the argument, what was given and what would be right."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def shown(value: Any, limit: int = 60) -> str:
 
 
 class MissingError(ValueError):
-    """Values are missing among others."""
+    """Some of the values are missing."""
 
 
 FILL = "fill the gaps, by interpolation for instance, or take an interval without any"
 
 
 def unmasked(name: str, value: Any) -> Any:
-    """`value` without its mask; refused if it has masked entries or pandas' NA, under which NumPy would take any number."""
+    """`value` without its mask; refused if it has masked entries or pandas' NA, for which NumPy would take arbitrary numbers."""
     if isinstance(value, np.ma.MaskedArray):
         if count := int(np.sum(value.mask)):
             where = f"{count} of {value.size} masked, the first in row {np.argwhere(value.mask)[0][0]}" if value.ndim else "a masked one"

@@ -1,7 +1,7 @@
 """Which scheme for this accuracy, length and number of particles: predicted error, time and bytes of every candidate.
 
 Errors come from the schemes themselves, run on a signal of the given time scale (or on the user's own samples) with the
-step and the kernel asked for; times from a few constants of this machine, measured in a second and kept.
+step and the kernel asked for; times from a few constants of this machine, measured once in about a second and cached.
 """
 
 from __future__ import annotations
@@ -70,13 +70,13 @@ class Candidate:
     dt : float, seconds
     steps : int
     error : float, dimensionless
-        Predicted error as asked for, margin included.
+        Predicted error in the measure of `advise`, with a safety margin.
     seconds : float
-        Predicted time of all steps and particles; the scheme's set-up (milliseconds, then kept) is not in it.
+        Predicted time of all steps and particles, without the scheme's set-up (milliseconds, once).
     nbytes : int
-        Memory that it needs for all particles, beside the samples and H.
+        Memory for all particles in bytes, apart from the samples and H.
     meets : bool
-        Whether error and bytes keep what was asked for.
+        Whether error and memory stay within what was asked for.
 
     Examples
     --------
@@ -110,13 +110,13 @@ def code(rule: Rule) -> str:
 
 @dataclass(frozen=True)
 class Advice:
-    """All candidates: those that meet what was asked for first, the fastest first.
+    """All candidates: first those within the error and memory asked for, the fastest first.
 
     Attributes
     ----------
     candidates : tuple of Candidate
     error : float, dimensionless
-        What was asked for.
+        The error that was asked for, relative to the largest |H|.
     time_scale : float, seconds
         As given, or as found in the samples.
 
@@ -133,12 +133,12 @@ class Advice:
 
     @property
     def best(self) -> Candidate:
-        """The one to take.
+        """The fastest candidate within the error and memory asked for.
 
         Raises
         ------
         ValueError
-            If none keeps error and memory.
+            If there is none.
         """
         if not self.candidates:
             raise ValueError(f"time_scale must be long enough for some scheme to resolve it, got {self.time_scale:g} s: take a smaller dt")
@@ -171,7 +171,7 @@ def advise(
 ) -> Advice:
     """Rank every scheme by predicted error, time and bytes, and say which one to take.
 
-    The prediction is for rates that are smooth from the start on. An initial slip costs nothing where it is given as such
+    The prediction is for rates that are smooth from the start on. An initial slip costs no accuracy where it is given as such
     (`initial_slip`, `plan.jump`); a rate that starts like √t or 1/√t, as in an equation with memory after a jump, or that
     has kinks leaves every scheme here with an error of h^(3/2) at best, which no degree removes: take
     `basset.Collocation` there, or `basset compare` on the samples.
@@ -185,26 +185,26 @@ def advise(
         How fast the rate g = df/dt changes: the T with |k-th derivative of g| ≤ |g|/T^k. 1/ω for cos ωt, 1/λ for e^(−λt),
         the shortest where there are several.
     samples, sample_step : array_like (n+1, ...) and float (seconds), optional
-        Part of the rate itself in place of the time scale, sampled finely: errors are then predicted for it, and a fast
-        part that is weak does not count as much as a strong one. Its largest |H| should be that of the whole path.
+        A finely sampled stretch of the rate itself, in place of the time scale: errors are then predicted for it, and a fast component that is weak
+        counts less than a strong one. It should contain the largest |H| of the whole path.
     dt : float, seconds, optional
         The step; None: each candidate takes the longest one that keeps the error.
     steps : int, optional
         Number of steps, with dt.
     duration : float, seconds, optional
-        Length of the path; with dt in place of steps, without dt instead.
+        Length of the path: with dt an alternative to `steps`, without dt required.
     particles, components : int
-        Paths that are computed side by side, and components of each.
+        Paths that are computed together, and components of each.
     kernel : Kernel
         The memory kernel K.
     memory : float, bytes
-        Most that may be needed, for all particles.
+        The most memory that may be used, for all particles.
     use : {"stream", "path"}
         "stream": one sample after the other, as in a solver; "path": all samples are there (`basset.cumulate`).
     machine : Machine, optional
         Default: measured here, once (see `calibrated`).
     relaxation, coefficient : float (1/s) and float (s^(-1/2)), optional
-        λ and c of the equation y' = −λy − c·H[y] that a stream is for: steps at which an implicit solver diverges with a scheme
+        λ and c of the equation y' = −λy − c·H[y] that a stream is used in: steps at which an implicit solver diverges with a scheme
         (see `basset.FixedStep`) are left out. None: 1/T and 1/√T of the time scale T; 0 and 0 where H is not fed back.
 
     Returns
@@ -219,7 +219,7 @@ def advise(
 
     Notes
     -----
-    The predicted error of a step that was not tried goes by the scheme's declared order.
+    The error of a step that was not tried is extrapolated with the scheme's declared order.
 
     References
     ----------
@@ -259,7 +259,7 @@ def _length(dt: float | None, steps: int | None, duration: float | None) -> floa
     """Length of the path, seconds."""
     if dt is None:
         if steps is not None or duration is None:
-            raise ValueError("duration (seconds) must be given, and steps left out, where dt is to be chosen")
+            raise ValueError("duration (seconds), and not steps, must be given where no dt is given")
         return _validate.positive("duration", duration, "seconds")
     dt = _validate.positive("dt", dt, "seconds")
     if (steps is None) == (duration is None):
@@ -338,7 +338,7 @@ def sampled(samples: ArrayLike, step: float) -> Signal:
         raise ValueError("samples must not all be zero")
     scale = time_scale_of(g, step)
     if scale < RESOLVED * step:
-        what = f"which changes within {scale / step:.2g} of their steps here, not {RESOLVED:g} or more: noise, a kink or too long a step"
+        what = f"which changes within {scale / step:.2g} steps here, fewer than {RESOLVED:g}: noise, a kink or too long a step"
         raise ValueError(f"samples must resolve the rate, {what}")
     return Signal(through, scale, step * (len(g) - 1), MARGINS["samples"])
 

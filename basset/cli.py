@@ -44,7 +44,7 @@ PAUSE = 10.0  # s between lines of progress where there is no terminal
 PICTURES = (".png", ".pdf", ".svg")
 ERRORS = tuple(10.0**-k for k in range(1, 13))
 
-SCENES = "for a scene `saltation scheme SCENE` measures: the error above is that of given samples, at takeoffs, where the slip begins as √t, it is far larger"
+SCENES = "for a scene use `saltation scheme SCENE`: the errors above are for smooth samples; after a takeoff, where the slip starts as √t, they are far larger"
 MOST_STEPS = 10_000_000  # weights are good to rounding up to here
 
 
@@ -62,7 +62,7 @@ class Commands(_command.Commands):
 @click.group(cls=Commands)
 @click.version_option(__version__, package_name="basset")
 def main() -> None:
-    """The Basset history force: which scheme to take, how schemes compare on your samples, and their weights."""
+    """The Basset history force: choose and compare schemes, print their weights, compute forces along tracks."""
 
 
 def with_options(*options: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -89,33 +89,33 @@ with_kernel = with_options(
     click.option("--kernel", default="basset", show_default=True, help=f"Memory kernel: {', '.join(KERNELS)}."),
     click.option("--slip", type=float, help="Slip velocity of the finite-Reynolds kernels, m/s."),
     click.option("--slip-length", type=float, help="Slip length of slip_sphere, m."),
-    click.option("--diameter", type=float, help="Diameter of the particle, m; for history, and for all kernels but basset."),
+    click.option("--diameter", type=float, help="Diameter of the particle, m; needed by `history` and by all kernels but basset."),
     click.option("--viscosity", type=float, default=1e-6, show_default=True, help="Kinematic viscosity, m²/s."),
 )
 with_samples = with_options(  # how a file of samples is read
     click.option("--input", "kind", default="rate", show_default=True, help="What the samples are: rate (df/dt) or slip (f)."),
-    click.option("--sample-step", type=float, help="Their step in seconds.  [default: from the times in the file]"),
-    click.option("--variable", help="Which variable of a netCDF file."),
+    click.option("--sample-step", type=float, help="Step of the samples in seconds.  [default: from the times in the file]"),
+    click.option("--variable", help="The variable to read from a netCDF file."),
 )
 
 
 @main.command()
 @click.option("--error", type=float, required=True, help="Largest error allowed, relative to the largest |H|.")
 @click.option("--time-scale", type=float, help="How fast the rate changes: 1/ω of the fastest oscillation, seconds.")
-@click.option("--samples", "file", type=click.Path(path_type=Path), help="A finely sampled part of the path instead: .csv, .npy or .nc.")
+@click.option("--samples", "file", type=click.Path(path_type=Path), help="Instead of --time-scale, a finely sampled stretch of the path: .csv, .npy or .nc.")
 @with_samples
 @click.option("--dt", type=float, help="The step in seconds.  [default: the longest that keeps the error]")
 @click.option("--steps", type=int, help="Number of steps, with --dt.")
-@click.option("--duration", type=float, help="Length of the path in seconds instead.")
-@click.option("--particles", type=int, default=1, show_default=True)
+@click.option("--duration", type=float, help="Length of the path in seconds, instead of --steps.")
+@click.option("--particles", type=int, default=1, show_default=True, help="Particles that are computed together.")
 @click.option("--components", type=int, default=3, show_default=True, help="Components of each particle.")
-@click.option("--memory", type=float, default=math.inf, help="Bytes that may be needed at most.  [default: no limit]")
-@click.option("--use", default="stream", show_default=True, help="stream: one sample after the other; path: all samples are there.")
-@click.option("--relaxation", type=float, help="λ of the equation that a stream is for, 1/s: schemes whose steps diverge are left out.  [default: 1/T]")
-@click.option("--coefficient", type=float, help="c of its history, s^(-1/2); both 0 where H is not fed back.  [default: 1/√T]")
+@click.option("--memory", type=float, default=math.inf, help="Largest memory allowed, in bytes.  [default: no limit]")
+@click.option("--use", default="stream", show_default=True, help="stream: one sample at a time; path: all samples are known.")
+@click.option("--relaxation", type=float, help="λ of y' = −λy − c·H[y] that the stream is used in, 1/s: diverging steps are left out.  [default: 1/T]")
+@click.option("--coefficient", type=float, help="c of that equation, s^(-1/2); set both to 0 where H is not fed back.  [default: 1/√T]")
 @with_kernel
 def advise(file: Path | None, kind: str, sample_step: float | None, variable: str | None, error: float, **options: Any) -> None:
-    """Rank the schemes by predicted error, time and bytes, and say which one to take."""
+    """Rank the schemes by predicted error, time and memory. The one to take is printed as Python code."""
     kernel = kernel_of(**{name: options.pop(name) for name in ("kernel", "viscosity", *OF_KERNELS)})
     from basset.weights.table import INPUTS
 
@@ -142,7 +142,7 @@ def ranking(found: Advice) -> Table:
     table = Table("scheme", "dt (s)", "steps", "error", "time (s)", "bytes", "", box=None)
     for row in found.candidates[:SHOWN]:
         numbers = (f"{row.dt:.4g}", str(row.steps), f"{row.error:.1e}", f"{row.seconds:.2g}", f"{row.nbytes:.3g}")
-        table.add_row(short(row.rule), *numbers, "" if row.meets else "too much memory" if row.error <= found.error else "not exact enough")
+        table.add_row(short(row.rule), *numbers, "" if row.meets else "too much memory" if row.error <= found.error else "not accurate enough")
     return table
 
 
@@ -163,9 +163,9 @@ def short(rule: basset.Rule) -> str:
 def compare(
     subject: str, kind: str, sample_step: float | None, variable: str | None, initial_slip: float, output: Path | None, force: bool, **options: Any
 ) -> None:
-    """Measure schemes on your own samples (.csv, .npy, .nc), or on a named problem: error and time at every step that the samples allow.
+    """Compare schemes on a file of samples or on a named problem. Error and time of every step that the samples allow (.csv, .npy, .nc).
 
-    The reference for samples is the highest order on all of them; how far two high orders differ says how well it is known.
+    The reference for samples is the highest order on all of them; the difference between two high orders estimates its error.
     """
     from basset.weights.table import INPUTS
 
@@ -194,7 +194,7 @@ def compare(
             table.add_row(f"{error:.0e}", repr(best.rule), str(best.steps), f"{best.dt:.4g}", f"{best.error:.1e}", f"{1e3 * best.seconds:.3g}")
     out.print(table if table.row_count else "no scheme is good to 10 %: the samples do not resolve H")
     if chosen.uncertainty:
-        out.print(f"\nH itself is known to {chosen.uncertainty:.1e} of its largest value on these samples")
+        out.print(f"\nthe reference H is uncertain by {chosen.uncertainty:.1e} of its largest value")
     if output is not None:
         out.print(f"written: {output}")
 
@@ -225,7 +225,7 @@ def known(ctx: click.Context, parameter: click.Parameter, scheme: str) -> str:
 
 @main.command()
 @click.argument("scheme", is_eager=True, callback=known)
-@click.option("--steps", type=int, required=True, help="n: there are n + 1 weights.")
+@click.option("--steps", type=int, required=True, help="Number of steps n; there are n + 1 weights.")
 @click.option("--dt", type=float, default=1.0, show_default=True, help="Step in seconds.")
 @click.option("--order", type=int, help="Degree of the polynomials: daitche, exponential, windowed.")
 @click.option("--rtol", type=float, help="Promised error of the sum: exponential; windowed: with a fitted tail.")
@@ -246,7 +246,7 @@ def weights(
     force: bool,
     **options: Any,
 ) -> None:
-    """The weights w of SCHEME, newest first: H(t_n) ≈ Σ w[j] g(t_n − j dt); also as C or Fortran, with a worked example."""
+    """Print the weights w of SCHEME, newest first. H(t_n) ≈ Σ w[j] g(t_n − j dt); also as C or Fortran, with a worked example."""
     checked_form(form, output, force)
     kernel = kernel_of(**options)
     given = {name: value for name, value in (("order", order), ("rtol", rtol), ("window", window)) if value is not None}
@@ -258,13 +258,13 @@ def weights(
 
 @main.command("sum")
 @click.option("--near", type=float, required=True, help="Shortest lag of the sum, seconds.")
-@click.option("--far", type=float, required=True, help="Longest lag, seconds: as long as is remembered.")
+@click.option("--far", type=float, required=True, help="Longest lag, seconds: the length of the history.")
 @click.option("--rtol", type=float, required=True, help="Largest relative error of the sum between them.")
-@click.option("--order", type=int, default=3, show_default=True, help="Degree p of the recursion's polynomials, 1 to 10; it steps by near/(p//2 + 1).")
+@click.option("--order", type=int, default=3, show_default=True, help="Degree p of the recursion's polynomials, 1 to 10; its step is near/(p//2 + 1).")
 @with_kernel
 @with_format("table")
 def exponential_sum(near: float, far: float, rtol: float, order: int, form: str, output: Path | None, force: bool, **options: Any) -> None:
-    """The kernel as a sum of exponentials, with its promise, the recursion that uses it and a worked example; for other programs as C or Fortran."""
+    """Fit the kernel by a sum of exponentials. With its error bound, the recursion that uses it and a worked example; also as C or Fortran."""
     checked_form(form, output, force)
     give(exported.sum_text(basset.ExponentialSum.fit(near, far, rtol, kernel_of(**options)), order, form), output)
 
@@ -273,21 +273,21 @@ def exponential_sum(near: float, far: float, rtol: float, order: int, form: str,
 @click.argument("source", metavar="TRACKS", type=click.Path(path_type=Path))
 @click.option("--output", type=click.Path(path_type=Path), required=True, help="The result (netCDF).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
-@click.option("--density", type=float, help="Of the fluid, kg/m³: the force in N.")
-@click.option("--density-ratio", type=float, help="Of particle to fluid, instead: the force per mass of the particle, m/s².")
-@click.option("--velocity", help="Variables of the particle's velocity: one, or one per component, with commas.  [default: usual names]")
-@click.option("--fluid", help="Variables of the fluid's velocity at the particle; rest: it does not move.  [default: usual and standard names]")
-@click.option("--slip-variable", help="Variables of the particle's velocity less the fluid's, instead.")
-@click.option("--position", help="Variables of the place, instead of --velocity: velocities by differences.")
-@click.option("--time", "times", help="The variable of times.  [default: by its attributes or name]")
+@click.option("--density", type=float, help="Density of the fluid, kg/m³: the force is then in N.")
+@click.option("--density-ratio", type=float, help="Instead, density of the particle over that of the fluid: the force is then per mass of the particle, m/s².")
+@click.option("--velocity", help="Variables of the particle's velocity: one, or one per component, separated by commas.  [default: usual names]")
+@click.option("--fluid", help="Variables of the fluid's velocity at the particle, or `rest` for still fluid.  [default: usual and standard names]")
+@click.option("--slip-variable", help="Instead of both, variables of the slip: the particle's velocity minus the fluid's.")
+@click.option("--position", help="Instead of --velocity, variables of the position, which is then differentiated in time.")
+@click.option("--time", "times", help="The time variable.  [default: by its attributes or name]")
 @click.option("--track", help="The column of a .csv that numbers tracks.  [default: particle, trajectory, track, id]")
 @click.option("--order", type=int, default=3, show_default=True, help="Degree of the polynomials through the rates, 1 to 3.")
 @click.option("--rtol", type=float, default=1e-6, show_default=True, help="Promised error of the sum of exponentials.")
-@click.option("--drag", default="stokes", show_default=True, help="stokes or schiller_naumann: for the share of the total.")
-@click.option("--before", default="rest", show_default=True, help="Before a track: rest (its first slip is a jump) or steady (the slip was the same).")
-@click.option("--gaps", default="raise", show_default=True, help="Missing samples: raise, bridge (interpolate) or split (begin anew).")
+@click.option("--drag", default="stokes", show_default=True, help="Drag law in the total force, for the history's share of it: stokes or schiller_naumann.")
+@click.option("--before", default="rest", show_default=True, help="State before a track: rest (its first slip is a jump) or steady (the slip was constant).")
+@click.option("--gaps", default="raise", show_default=True, help="Missing samples: raise, bridge (interpolate) or split (start a new track).")
 @click.option("--workers", type=int, default=1, show_default=True, help="Number of threads.")
-@click.option("--chunk", type=int, help="Tracks that are read at once.  [default: some 260 000 samples]")
+@click.option("--chunk", type=int, help="Tracks that are read at a time.  [default: about 260 000 samples]")
 @with_kernel
 @click.pass_context
 def history(
@@ -302,7 +302,7 @@ def history(
     kernel: str,
     **options: Any,
 ) -> None:
-    """History force along stored TRACKS (.nc, .zarr, .csv) of many particles, and its share of the total; stopped at any time, the same command goes on."""
+    """Compute history forces along stored TRACKS (.nc, .zarr, .csv). With their share of the total force; if stopped, the same command resumes."""
     check_output(output, force, source)
     diameter, viscosity = options["diameter"], options["viscosity"]
     if diameter is None:
@@ -326,14 +326,14 @@ def history(
         try:
             tracks.write(source, output, names, track=track, workers=workers, chunk=chunk, force=force, command=command, progress=tell, kernel=made, **options)
         except KeyboardInterrupt:
-            click.echo("stopped: the same command goes on from there", err=True)
+            click.echo("stopped: run the same command again to resume", err=True)
             ctx.exit(INTERRUPTED)
     click.echo(f"written: {output}")
 
 
 @main.command()
 def warmup() -> None:
-    """Compile ahead what streams and solvers need, and keep it: the first use then starts at once."""
+    """Compile ahead of time what streams and solvers need. It is cached: the first use then starts at once."""
     from basset._ahead import TASKS
 
     for what, task in TASKS.items():

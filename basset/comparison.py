@@ -101,7 +101,7 @@ def measured(subject: Subject, rounds: int = 5) -> Iterator[list[Measured]]:
 
 
 def cheapest(records: list[Measured], error: float, uncertainty: float = 0.0) -> Measured | None:
-    """The fastest that is good enough, errors being known to `uncertainty` only (both relative to the largest |H|); None if there is none."""
+    """The fastest that is accurate enough, errors being known to `uncertainty` only (both relative to the largest |H|); None if there is none."""
     enough = [record for record in records if record.error + uncertainty <= error]
     return min(enough, key=lambda record: record.seconds, default=None)
 
@@ -123,7 +123,7 @@ def drawn(records: list[Measured], uncertainty: float, title: str) -> Any:
             style = {"color": colours[i % len(colours)], "marker": "osD^vPXh*x+d"[i % 12], "label": repr(rule)}
             axes.loglog([1e3 * row.seconds for row in rows], [max(row.error, 1e-17) for row in rows], **style)
         if uncertainty > 0.0:
-            axes.axhspan(axes.get_ylim()[0], uncertainty, color="#eeeeee", label="below what the reference is known to")
+            axes.axhspan(axes.get_ylim()[0], uncertainty, color="#eeeeee", label="below the uncertainty of the reference")
         axes.set(title=title, xlabel="time for H at every node (ms)", ylabel="largest error / largest |H|")
         _look.legend(figure, axes, 3)
     plt.close(figure)

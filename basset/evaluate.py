@@ -37,7 +37,7 @@ def integrate(
     dt : float, seconds
         Step size; None with `t`.
     rule : Rule or str
-        How to integrate; a name in `basset.SCHEMES` stands for that scheme with its default parameters. With `t`, and across gaps,
+        The quadrature rule; a name in `basset.SCHEMES` stands for that scheme with its default parameters. With `t`, and across gaps,
         `Daitche(order)` or `Exponential(order, rtol)` of order 1, 2 or 3.
     kernel : Kernel
         The memory kernel K.
@@ -46,10 +46,10 @@ def integrate(
     input : {"rate", "slip"}
         What the samples are. With "slip", H = d/dt ∫K f (thesis eq. 5-8).
     t : array_like (n+1,), seconds
-        The times of the samples, if they are not uniform; rising. An instant that stands twice is a jump: the samples hold before and after
-        it, slips with all that a jump adds, and no polynomial straddles it.
+        The times of the samples, if they are not uniform; rising. A time that occurs twice is a jump: its samples are the values before and after;
+        for slips their difference is the jump of f, and no polynomial straddles it.
     gaps : {"raise", "bridge"}
-        What is done where samples are NaN or masked, in any component. "bridge" leaves them out: a polynomial goes through their neighbours.
+        What to do where samples are NaN or masked, in any component. "bridge" leaves them out: a polynomial goes through their neighbours.
 
     Returns
     -------
@@ -65,8 +65,8 @@ def integrate(
 
     Notes
     -----
-    At any times each panel has the polynomial of the rule's degree through neighbouring samples, integrated against K exactly: error h^(p+1), h the longest
-    step. Samples that lie too close for that are passed over, or the degree is lower there, so that errors of samples are not magnified.
+    With times `t` the polynomial of the rule's degree p through neighbouring samples is integrated against K exactly on each panel: error h^(p+1), h
+    the longest step. Samples too close to each other are skipped, or the degree is lower there, so that errors of samples are not magnified.
 
     References
     ----------
@@ -143,7 +143,7 @@ def cumulate(
     dt : float, seconds
         Step size; None with `t`.
     rule : Rule or str
-        How to integrate.
+        The quadrature rule, as for `integrate`.
     kernel : Kernel
         The memory kernel K.
     initial_slip : array_like, scalar or (...)
@@ -153,7 +153,7 @@ def cumulate(
     t : array_like (n+1,), seconds
         The times of the samples, if they are not uniform, as for `integrate`.
     gaps : {"raise", "bridge"}
-        What is done where samples are missing, as for `integrate`; times may be missing there too. H is NaN there.
+        What to do where samples are missing, as for `integrate`; times may be missing there too. H is NaN there.
 
     Returns
     -------
@@ -176,7 +176,7 @@ def cumulate(
     >>> H = basset.cumulate(np.ones(5), 0.25, basset.Daitche(order=1))  # f' = 1: H = 2√t
     >>> np.allclose(H, 2.0 * np.sqrt(0.25 * np.arange(5)), rtol=1e-14)
     True
-    >>> t = np.array([0.0, 0.1, 0.5, 0.6, 2.0])  # any times, a sample that is missing
+    >>> t = np.array([0.0, 0.1, 0.5, 0.6, 2.0])  # nonuniform times, a missing sample
     >>> H = basset.cumulate([1.0, 1.0, np.nan, 1.0, 1.0], t=t, rule=basset.Exponential(order=3, rtol=1e-12), gaps="bridge")
     >>> np.allclose(H, [0.0, 2.0 * 0.1**0.5, np.nan, 2.0 * 0.6**0.5, 2.0 * 2.0**0.5], rtol=1e-11, equal_nan=True)
     True
@@ -226,14 +226,14 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
     rule = resolve(rule)
     degree, rtol = rule.at_any_times
     if not 1 <= degree <= HIGHEST:
-        what = "bridged gaps" if t is None else "samples at any times"
+        what = "bridged gaps" if t is None else "samples at nonuniform times"
         raise ValueError(f"rule must be Daitche(order) or Exponential(order, rtol) of order 1, 2 or 3 for {what}, got {_validate.shown(rule)}")
     accept(rule.whole, kernel, input)
     present, kind = samples[~missing], "two samples (one step)" if last else "one sample"
     if len(present) < 1 + last:
         raise ValueError(f"g must hold at least {kind} along its first axis, got {len(present)}")
     if last and missing[-1]:
-        raise ValueError(f"g must have its last sample, where the integral is taken, got a missing one in row {len(samples) - 1}")
+        raise ValueError(f"the last sample of g must not be missing, the integral is taken there; got a missing one in row {len(samples) - 1}")
     times = _validate.positive("dt", dt, "seconds") * np.flatnonzero(~missing) if t is None else _times(t, missing)
     times = times - times[0]
     jump, slip = _initial_slip(initial_slip, present, input), input == "slip"

@@ -38,14 +38,14 @@ class ExponentialSum:
     near, far : float, seconds
         The lags for which the sum was made; far is infinite for published sets.
     kernel : Kernel
-        What the sum stands for.
+        The kernel that the sum approximates.
     rtol : float, dimensionless, or None
         The promised relative error on [near, far]; None for published sets, which promise none.
 
     Raises
     ------
     ValueError, TypeError
-        If weights and rates are not positive and of one length, the range does not rise, or the kernel is none.
+        If weights and rates are not positive and of one length, the range does not rise, or `kernel` is not a kernel.
 
     Notes
     -----
@@ -143,8 +143,8 @@ class ExponentialSum:
     def max_relative_error(self, near: float | None = None, far: float | None = None) -> float:
         """Largest |sum/K − 1| on [near, far], by default the sum's own range.
 
-        Measured on 4000 log-spaced lags (more for long sums), then around every extremum of the error and at both ends. For kernels without a table K is
-        taken as 1e-16 of K at the sum's near end where it is less, as in their promise.
+        Measured on 4000 log-spaced lags (more for long sums), then around every extremum of the error and at both ends. For kernels without a table
+        errors are relative to at least 1e-16 of K at the sum's near end, as in the bound that `fit` keeps.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class ExponentialSum:
         Raises
         ------
         ValueError, TypeError
-            If no sum keeps the promise (the message says which accuracy can be had, or that the kernel has none), or a parameter is of the wrong kind.
+            If no sum keeps `rtol` (the message says which accuracy is possible, or that the kernel has no such sum), or a parameter is of the wrong kind.
 
         References
         ----------

@@ -1,4 +1,4 @@
-"""Kernels by a formula: one's own, and those of Gatignol (2007) for the sphere on which the fluid slips and the clean bubble.
+"""Kernels given by a formula: user-defined ones, and those of Gatignol (2007) for a solid sphere with slip at its surface and for a clean bubble.
 
 What a table holds for other kernels is computed here when asked for: moments by quadrature in √s, in which a kernel that starts as s^(−1/2)
 is smooth, and sums of exponentials by `basset.positive_sums`.
@@ -66,22 +66,22 @@ def graded_rule(values: Callable[[Floats], Floats], near: float, far: float, fin
 
 @dataclass(frozen=True, repr=False)
 class FormulaKernel(Kernel):
-    """A kernel of one's own, K(s) = τ^(−1/2) function(s/τ).
+    """A user-defined kernel, K(s) = τ^(−1/2) function(s/τ).
 
     Every rule, stream and solver takes it. Sums of exponentials (`Exponential`, tails, `Collocation`) are fitted when asked for, with a promised error,
-    if K is completely monotone: positive, falling, convex, and so on for all derivatives. If it is not, they are refused in a sentence;
-    rules over the whole past, windows without tail and `FixedStep` with these need none.
+    if K is completely monotone: positive, falling, convex, and so on for all derivatives. If it is not, the fit raises an error; rules over the full
+    history, windows without tail and `FixedStep` with these need no sum.
 
     Parameters
     ----------
     function : callable
         function(x), elementwise for a float64 array of x = s/τ > 0, dimensionless or, with τ = 1 s, s in seconds and K in s^(−1/2). Finite, and smooth on the
-        scale of x itself. Kernels with the same function are equal; to be pickled it must have a name in a module.
+        scale of x itself. Kernels with the same function are equal; to be pickled it must be defined at the top level of a module.
     near : {"inverse_sqrt", "bounded"}
         How K begins: √s K(s), or K(s), has a finite limit as s → 0.
     derivative : callable or None
-        d function/dx in the same form. None: by differences, good to about 1e-13 for a smooth function, or refused where those over two widths disagree.
-        Needed for slip samples only.
+        d function/dx in the same form. None: by differences, good to about 1e-13 for a smooth function, or an error where differences over two step
+        widths disagree. Needed for slip samples only.
     time_scale : float, seconds
         τ, greater than 0.
 
@@ -90,7 +90,7 @@ class FormulaKernel(Kernel):
     ValueError
         If the function does not begin as `near` says, or is not finite; a fit raises it if there is no sum.
     TypeError
-        If the function is none, or does not return an array of numbers of the shape of x.
+        If the function is not callable, or does not return an array of numbers of the shape of x.
 
     Notes
     -----

@@ -110,7 +110,7 @@ class Kernel(abc.ABC):
 
     @property
     def bend(self) -> float:
-        """The lag, in seconds, about which K leaves s^(−1/2); infinite if it never does."""
+        """The crossover lag, in seconds, about which K departs from s^(−1/2); infinite if it never does."""
         return math.inf
 
     def rule(self, near: float, far: float) -> tuple[Floats, Floats]:
@@ -391,10 +391,10 @@ class VaryingSlipKernel:
     diameter : float, m
     viscosity : float, m²/s
     slip_range : (float, float), m/s
-        The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is taken at the
-        nearer end and counted (`plan.outside`).
+        The smallest and largest slip for which the kernel is to be used, 0 < low < high. A slip outside is replaced by the nearer end and counted
+        (`plan.outside`).
     slip_at : {"t", "tau"}
-        Whether the kernel is that of the slip now or of the slip when the rate acted. Exponential takes "t" only.
+        Whether the kernel is that of the slip at the present time t or at the time τ of the rate. Exponential takes "t" only.
     c1, c2 : float, dimensionless
         As in `MeiAdrianKernel`: 2 and 0.105, or 2.5 and 0.2 (Dorgan & Loth).
 

@@ -1,6 +1,6 @@
 """Timing that can be compared, and work–precision records.
 
-On a shared machine only ratios within one run mean something: contenders are interleaved, each is warmed up (so that
+On a shared machine only ratios within one run are meaningful: contenders are interleaved, each is warmed up (so that
 compile and cache misses stay apart) and its minimum over the rounds is kept.
 """
 

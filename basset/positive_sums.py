@@ -1,4 +1,4 @@
-"""Sums of decaying exponentials for kernels without a table, fitted when asked for, and whether there can be one.
+"""Sums of decaying exponentials for kernels without a table, fitted on request, and proofs that none exists.
 
 K(s) = ∫ e^(−λs) dμ(λ) with μ ≥ 0 where K is completely monotone, and only there (Bernstein 1929). The sum's rates are taken from a fine grid in
 ln λ, its weights by non-negative least squares of relative errors, which keeps few of them; where that is not enough the grid
@@ -61,7 +61,7 @@ class Samples:
 
 @dataclass
 class Found:
-    """The best sum of a search, and what no positive sum can do better than."""
+    """The best sum of a search, and a lower bound of the error of any positive sum."""
 
     error: float = math.inf
     weights: Floats = field(default_factory=lambda: np.empty(0))
@@ -72,7 +72,7 @@ class Found:
 
 @lru_cache(maxsize=64)
 def failed(kernel: Kernel, near: float, far: float) -> Found:
-    """The last search in vain, kept, for solvers ask again and again with larger tolerances."""
+    """The last unsuccessful search, cached: solvers ask again and again with larger tolerances."""
     return Found()
 
 

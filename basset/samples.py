@@ -57,9 +57,9 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     .csv has a line of names or none and is separated by commas, semicolons, tabs, bars or spaces, the last four also with decimal commas; lines that begin
     with # are comments. Without `dt` the step comes from the times. In .csv these are the column named t or time, if need be with a unit as in
     "time (ms)" or "t_ms"; without names, and in .npy, the first column, in seconds. In .nc the coordinate with the attribute axis "T" or standard_name
-    "time", units "… since …", the name t or time, or units of time, in its unit (without one: seconds); its dimension may stand anywhere. What is known
-    as times is no sample, nor is the index that pandas writes. Times that are not uniform or whose unit is not known, missing samples and whatever else
-    is no such file are refused in one sentence (ValueError, TypeError).
+    "time", units "… since …", the name t or time, or units of time, in its unit (without one: seconds); its dimension may stand anywhere. Columns of
+    times and the index that pandas writes are not samples. Times that are not uniform or whose unit is not known, missing samples and files of any
+    other form are refused in one sentence (ValueError, TypeError).
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -73,7 +73,7 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     if suffix not in SUFFIXES:
         raise ValueError(f"the file must end in {', '.join(SUFFIXES)}, got {str(path)!r}")
     if variable is not None and suffix != ".nc":
-        raise ValueError(f"a variable is named for .nc files only, got {variable!r} for {str(path)!r}")
+        raise ValueError(f"variable must be given for .nc files only, got {variable!r} for {str(path)!r}")
     if suffix == ".nc":
         times, values = _from_netcdf(path, variable, dt is None)
     else:
@@ -100,7 +100,7 @@ def columns(path: Path, names: Sequence[str] = ()) -> dict[str, Floats]:
     r"""Columns (n,) of a table by name, in the file's units, as it has them: .csv with its dialects as for `read`, or .nc (netCDF-3).
 
     `names` replace those of a .csv, or give them to one without. A cell of a .csv that is empty or says NA is NaN. Of .nc these are the variables along the
-    one dimension of time and their coordinate of time, with their units behind the names: "z (mm)". ValueError, with one sentence, for what is no such file.
+    one dimension of time and their coordinate of time, with their units after the names: "z (mm)". ValueError, with one sentence, for any other file.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:

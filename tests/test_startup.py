@@ -205,7 +205,7 @@ def test_a_scene_that_is_none_is_a_mistake_before_anything_is_compiled():
 
 @pytest.mark.parametrize(
     ("error", "status", "sentence"),
-    [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early"), (MemoryError, 1, "Error: memory is full")],
+    [(KeyboardInterrupt, 130, "stopped: nothing is kept\n"), (EOFError, 1, "Error: a file ends too early"), (MemoryError, 1, "Error: out of memory")],
 )
 def test_a_command_that_is_stopped_says_a_sentence(monkeypatch, error, status, sentence):
     from click.testing import CliRunner

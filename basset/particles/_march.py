@@ -150,7 +150,7 @@ def sample(fun, p, record, columns, wanted, at_once, root, states, histories, ro
 
 @dataclass
 class Swarm:
-    """Particles alike but for their start and their scales."""
+    """Particles that differ only in their start and their scales."""
 
     sources: Sources
     task: Task  # of the first one, checked
@@ -198,7 +198,7 @@ class Swarm:
         return replace(self.task, y0=self.starts[j].copy(), slip=self.slips[j].copy(), args=args, data=args, events=listed)
 
     def begins(self) -> tuple[float, float]:
-        """What the history takes from the rate of a slip behind a jump, per jump: at once (0 without history), and its factor of s^(-1/2)."""
+        """What the history takes from the rate of a slip after a jump, per jump: at once (0 without history), and its factor of s^(-1/2)."""
         coefficient, kernel = float(self.task.coefficient.max()), self.task.kernel
         if not coefficient:
             return 0.0, 0.0
@@ -255,7 +255,7 @@ class Swarm:
         return state, self._history(task, trace, k, t, state)
 
     def _behind(self, history: Floats, leap: Floats) -> Floats:
-        """What the history adds right behind a jump, from that before it."""
+        """What the history adds right after a jump, from its value before."""
         with np.errstate(invalid="ignore"):
             return np.asarray(history - np.where(leap == 0.0, 0.0, self.begins()[0] * leap))
 

@@ -73,8 +73,8 @@ class Flow:
         Parameters
         ----------
         ds : xarray.Dataset
-            Velocities in m/s over the dimensions x, y (and z) in m and, if the flow changes, time in s (datetimes: seconds since the first), in any order, four
-            points or more along each, rising. Other units in their attributes are heeded.
+            Velocities in m/s over the dimensions x, y (and z) in m and, if the flow changes, time in s (datetimes: seconds since the first), in any
+            order, four points or more along each, rising. Other units are converted if their attributes name them.
         components : sequence of str, one per dimension of space
             Names of the variables along x, y (and z). For a grid without z the third name is not used.
         periodic : mapping of str to float, or None; m (time: s)
@@ -87,7 +87,7 @@ class Flow:
         Raises
         ------
         ValueError, TypeError
-            If the dataset holds something else, or misses values.
+            If the dataset does not have this form, or has missing values.
 
         Examples
         --------
@@ -105,7 +105,7 @@ class Flow:
         names = [components] if isinstance(components, str) else list(components)
         space = [name for name in AXES[1:] if name in ds.dims]
         if space not in (["x", "y"], ["x", "y", "z"]):
-            raise ValueError(f"ds must have the dimensions x and y (and z), rename those it has, got {', '.join(map(str, ds.dims)) or 'none'}")
+            raise ValueError(f"ds must have the dimensions x and y (and z); rename its dimensions, got {', '.join(map(str, ds.dims)) or 'none'}")
         if names == ["u", "v", "w"] and space == ["x", "y"]:
             names = names[:2]
         missing = [name for name in names if name not in ds.data_vars]
@@ -168,7 +168,7 @@ class Flow:
         Returns
         -------
         ndarray (d,) or (n, d), m/s
-            Outside a bounded grid the outer pieces are continued: `maxey_riley` does not go there.
+            Outside a bounded grid the outermost cubics are extrapolated; `maxey_riley` stops at the edge.
         """
         return self._at(t, x)[..., : self.dimensions]
 
@@ -264,7 +264,5 @@ def _closed(name: str, points: Floats, values: Floats, axis: int, given: float) 
             raise ValueError(f"values a period apart along {name} must be equal, got a difference of {apart:.3g} m/s")
         points, values = points[:-1], np.delete(values, -1, axis)
     elif not ROUND * np.diff(points).min() <= period - span <= np.diff(points).max() / ROUND:
-        raise ValueError(
-            f"periodic[{name!r}] must be the length of the grid, {span:.9g}, or that with its last spacing, which is like the others, got {period:.9g}"
-        )
+        raise ValueError(f"periodic[{name!r}] must be the length of the grid, {span:.9g}, or longer by one spacing like the others, got {period:.9g}")
     return np.append(points, points[0] + period), np.concatenate([values, first], axis), period

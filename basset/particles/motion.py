@@ -59,8 +59,8 @@ def maxey_riley(
     Parameters
     ----------
     velocity : callable or Flow
-        velocity(t, x) -> (d,), the undisturbed fluid's velocity in m/s at time t (s) and place x (d,) (m), d = 2 or 3. Compiled (numba.njit; it
-        had better return a tuple than an array) everything runs without Python. Or a field on a grid, `Flow.from_dataset`.
+        velocity(t, x) -> (d,), the undisturbed fluid's velocity in m/s at time t (s) and position x (d,) (m), d = 2 or 3. If it is compiled
+        (numba.njit; preferably returning a tuple, not an array), everything runs without Python. Or a field on a grid, `Flow.from_dataset`.
     t_span : (float, float), seconds
         Start and end, rising.
     position : array_like (d,) or (n, d), m
@@ -73,15 +73,16 @@ def maxey_riley(
     gravity : array_like (3,) or (d,), m/s²
         In two dimensions the third component is left out: by default gravity is normal to the plane.
     initial_velocity, initial_slip : array_like (d,) or (n, d), or None; m/s
-        Velocity of the particle, or its velocity less the fluid's, at the start; one of them. None: no slip. The history remembers the slip at the start.
+        Velocity of the particle, or its velocity less the fluid's, at the start; at most one of the two. Neither: no slip. The history remembers the
+        slip at the start.
     drag : "stokes", "schiller_naumann" or callable
         f(Re), what Stokes's drag is multiplied by, Re = |w| d/ν; finite at 0. In terms of a drag coefficient f = C_D Re/24.
     added_mass : float, dimensionless
-        C, mass of fluid that is accelerated with the sphere, over the displaced one: 0 or greater.
+        The coefficient C: mass of fluid that is accelerated with the sphere over the displaced mass; 0 or greater.
     lift : None or "saffman"
         Saffman's lift in a shear flow, 1.615 ρ √ν d² |ω|^(−1/2) ω × w, ω the vorticity.
     kernel : Kernel or VaryingSlipKernel
-        The memory kernel; with a VaryingSlipKernel it follows the slip.
+        The memory kernel; a VaryingSlipKernel is evaluated at the slip of the moment.
     history : bool
         Whether there is a history force.
     method : Method or None
@@ -98,15 +99,15 @@ def maxey_riley(
         event(t, position, velocity) -> float, an event where it changes sign, with the attributes of events of `solve`: `terminal`, `direction`
         and `jump`, jump(t, position, velocity) -> velocity after it, for a wall; the change is remembered.
     workers : int
-        Threads; they run side by side where everything is compiled. A particle's path has the same bits whatever their number and whichever the
-        other particles.
+        Threads; they run side by side where everything is compiled. A particle's path is bitwise the same whatever their number and the other
+        particles.
     density : float, kg/m³
-        Of the fluid; only the forces depend on it.
+        Density of the fluid; only the forces depend on it.
 
     Returns
     -------
     xarray.Dataset
-        `position` (m), `velocity` and `slip` (m/s) over (particle, time, component), NaN behind a particle's own end; `force` (N) over (kind,
+        `position` (m), `velocity` and `slip` (m/s) over (particle, time, component), NaN after the end of a particle's path; `force` (N) over (kind,
         particle, time, component) with the kinds weight (less buoyancy), drag, added_mass, pressure_gradient (the force of the undisturbed flow,
         ρ V Du/Dt) and, if they act, lift and history: their sum is mass times acceleration, except at the very time of a jump of the slip, where
         the history force is infinite unless the kernel is bounded. `status` (particle): 0 end reached, 1 terminal event, 2 at rest, 3 left the
@@ -116,13 +117,13 @@ def maxey_riley(
     Raises
     ------
     ValueError, TypeError
-        One sentence that names the argument. What goes wrong on the way is a status, its words are in the attribute `failures`.
+        One sentence that names the argument. A failure on the way is a status; its message is in the attribute `failures`.
 
     Notes
     -----
     Faxén's corrections are left out (they are of the order (d/L)²), and so is the effect of walls and of other particles. The added mass feels
     Du/Dt, along the path of the fluid (Auton, Hunt & Prud'homme 1988); the original equation has du/dt along that of the particle.
-    Schiller & Naumann's law holds for Re < 1000, Saffman's lift for √(|ω| d²/ν) much greater than Re and less than 1.
+    Schiller & Naumann's law holds for Re < 1000, Saffman's lift for √(|ω| d²/ν) much greater than Re and much less than 1.
 
     References
     ----------

@@ -59,7 +59,7 @@ class Daitche(Rule):
 
     @property
     def at_any_times(self) -> tuple[int, float]:
-        """Those of this degree."""
+        """Polynomials of this degree, K itself."""
         return self.order, 0.0
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:

@@ -21,7 +21,7 @@ from basset.weights.uneven import HIGHEST
 class Exponential(Rule):
     """Product integration with the kernel itself on the newest order//2 + 1 panels and a fitted sum beyond.
 
-    The sum is fitted when planned, to the step and the horizon: constant memory, constant time per step, and an error
+    The sum is fitted when a plan is made, to the step and the horizon: constant memory, constant time per step, and an error
     that is promised: |H − Daitche(order)| ≤ rtol·∫ K |g| over the older panels, g being the piecewise polynomial.
 
     Parameters
@@ -76,7 +76,7 @@ class Exponential(Rule):
 
     @property
     def at_any_times(self) -> tuple[int, float]:
-        """Those of this degree, by a sum."""
+        """Polynomials of this degree, a sum for K."""
         return self.order, self.rtol
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
@@ -90,7 +90,7 @@ class Exponential(Rule):
         return Recipe(Product(self.order), steps, tail, self.order)
 
     def uneven_plan(self, horizon: float, shortest: float | None = None, kernel: Kernel = BassetKernel()) -> UnevenPlan:
-        """Make the rule ready to stream samples at any times, with the same promise: all set-up happens here. Order 1, 2 or 3.
+        """Make the rule ready to stream samples at nonuniform times, with the same error bound: all set-up happens here. Order 1, 2 or 3.
 
         Parameters
         ----------
@@ -121,5 +121,5 @@ class Exponential(Rule):
         horizon = _validate.positive("horizon", horizon, "seconds")
         shortest = 1e-11 * horizon if shortest is None else _validate.positive("shortest", shortest, "seconds")
         if self.order > HIGHEST:
-            raise ValueError(f"order must be from 1 to {HIGHEST} at any times, got {self.order}")
+            raise ValueError(f"order must be from 1 to {HIGHEST} at nonuniform times, got {self.order}")
         return UnevenPlan(self.order, self.rtol, shortest, horizon, kernel)

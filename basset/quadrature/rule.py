@@ -74,7 +74,7 @@ class Rule(abc.ABC):
 
     @property
     def at_any_times(self) -> tuple[int, float]:
-        """Dimensionless: the degree of polynomials through samples at any times, 0 for none, and the error of a sum in K's place, 0 for K itself."""
+        """(degree of the polynomials, relative error of a sum that replaces K) for samples at nonuniform times; degree 0: none, error 0: K itself."""
         return 0, 0.0
 
     @abc.abstractmethod
@@ -98,8 +98,8 @@ class Rule(abc.ABC):
         Raises
         ------
         ValueError, TypeError
-            If the rule has no form for the kernel, the window is shorter than a step, or the tail was made for another kernel or
-            does not reach from the window to the horizon.
+            If the rule does not support the kernel, the window is shorter than a step, or the tail was made for another kernel or does not reach from
+            the window to the horizon.
 
         Examples
         --------
@@ -120,7 +120,7 @@ class Rule(abc.ABC):
         kernel : Kernel
             The memory kernel K.
         input : {"rate", "slip"}
-            For "slip" the weights act on f and give d/dt ∫K f (thesis 5-8): the initial slip f(t_0) is counted.
+            For "slip" the weights act on f and give d/dt ∫K f (thesis 5-8), with the initial slip f(t_0) included.
 
         Returns
         -------
@@ -129,7 +129,7 @@ class Rule(abc.ABC):
         Raises
         ------
         ValueError, TypeError
-            If n < 1, dt ≤ 0 or not finite, or the rule has no form for the kernel or the input.
+            If n < 1, dt ≤ 0 or not finite, or the rule does not support the kernel or the input.
         """
         n = _validate.integer("n", n, 1)
         dt = _validate.positive("dt", dt, "seconds")
@@ -174,7 +174,7 @@ class Rule(abc.ABC):
         Raises
         ------
         ValueError, TypeError
-            If dt or horizon is not positive, the rule has no form for the kernel, the window is shorter than a step, or
+            If dt or horizon is not positive, the rule does not support the kernel, the window is shorter than a step, or
             the tail was made for another kernel or does not reach from the window to the horizon.
         """
         steps, recipe = reach(self, dt, horizon, kernel)
@@ -184,7 +184,7 @@ class Rule(abc.ABC):
 
 
 def accept(rule: Rule, kernel: Any, input: str) -> None:
-    """Raise for what is no kernel, and for an input that the method has no form for."""
+    """Raise unless `kernel` is a kernel and the method has a form for `input`."""
     checked_kernel(kernel)
     _validate.choice("input", input, INPUTS)
     if input not in rule.inputs:

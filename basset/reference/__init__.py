@@ -2,7 +2,7 @@
 
 Every function takes `digits=None`: then t may be an array (seconds) and the result is float64; with `digits` t is one
 number and the result an mpmath number correct to that many digits, from a formula of its own where double precision
-needs a special one. `product_weights` gives exact weights of product integration. All for K(s) = s^(-1/2) unless said.
+needs a special one. `product_weights` gives exact weights of product integration. All for K(s) = s^(-1/2) unless stated otherwise.
 """
 
 from basset.reference.integrals import cosine, exponential, power, power_slip, product_weights, sine, step

@@ -1,4 +1,4 @@
-"""Closed forms of the history integral, and exact weights of product integration. All for K(s) = s^(-1/2) unless said.
+"""Closed forms of the history integral, and exact weights of product integration. All for K(s) = s^(-1/2) unless stated otherwise.
 
 They follow from integrals of Euler and Fresnel and from the error function (Abramowitz & Stegun 6.2, 7.1, 7.3). H has the unit of f × s^(-1/2).
 """

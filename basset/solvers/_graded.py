@@ -30,8 +30,8 @@ CHATTER = 20  # jumps with the state within a millionth of the span; or twice as
 SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
 CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
 SLIDING = (
-    "fun jumps back and forth at t = {:.6g}: the solution slides along a jump of fun, or crosses it ever faster, and cannot be followed there; "
-    "make the jump continuous, such as tanh(v/ε) for sign(v), or end it by an event with a jump"
+    "fun switches back and forth at t = {:.6g}: the solution slides along a discontinuity of fun, or crosses it at ever shorter intervals, "
+    "and cannot be followed there; make fun continuous, such as tanh(v/ε) for sign(v), or stop there by an event with a jump"
 )
 
 
@@ -184,7 +184,7 @@ class Integration:
             try:
                 found = fitted(near * 1.001, far, tolerance, self.kernel)
                 if self.problem.rtol < FINEST and tolerance > 1e3 * self.problem.rtol:
-                    sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is good to {:.1g} only, got {:g}"
+                    sentence = "rtol must be at least {:g} with {!r}: its sum of exponentials is accurate to {:.1g} only, got {:g}"
                     raise SolverError(sentence.format(FINEST, self.kernel, tolerance, self.problem.rtol))
                 return found
             except ValueError:
@@ -536,7 +536,7 @@ class Integration:
             return f"fun was not finite in component {int(control.failed_component)} at t = {control.failed_time:.6g}"
         if self.thrown or self.surfaces or (self.found and self.found[-1] > t - 1e-6 * self.problem.span):
             return SLIDING.format(t)
-        return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the accuracy asked for cannot be had there"
+        return f"the step size fell below {self.problem.floor:.2g} at t = {t:.6g}: the tolerance cannot be kept there"
 
     def record_of(self, steps: int) -> stepper.Record:
         """Room for so many steps."""

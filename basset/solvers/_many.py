@@ -1,4 +1,4 @@
-"""Many independent systems at once: compiled code goes from one to the next, each on its own steps and to the bits of a solution on its own."""
+"""Many independent systems at once: compiled code goes from one to the next, each with its own steps and bitwise as if solved alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sliding along a surface where `fun` jumps and both sides point into it, as under Coulomb friction that sticks.
+"""Sliding along a surface where `fun` is discontinuous and both sides point into it, as under sticking Coulomb friction.
 
 The rate there is the mean of both sides that keeps the state on the surface (Filippov 1988, Differential Equations with
 Discontinuous Righthand Sides, § 4). Its weight is taken as linear in the distance from the surface, over a layer thinner than

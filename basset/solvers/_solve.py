@@ -44,14 +44,15 @@ def solve(
     t_span : (float, float), seconds
         Start and end, rising.
     y0 : array_like (n_states,) or (n_states, n_systems), units of the states
-        State at the start. The components in `memory` are slips: velocities relative to the fluid. A column for each of many
-        independent systems: each goes on its own steps, to the bits of a solution on its own.
+        State at the start. The components in `memory` are slips: velocities relative to the fluid. A column for each of many independent systems:
+        each takes its own steps, and its solution is bitwise that of solving it alone.
     memory : sequence of int, one per member
         Components on which −coefficient·H of themselves acts.
     coefficient : float or array_like (members,) or (members, n_systems), s^(-1/2)
         0 or greater.
     kernel : Kernel or VaryingSlipKernel
-        The memory kernel K. With a VaryingSlipKernel all members are one slip, whose size the kernel follows (Collocation only, slip_at="t").
+        The memory kernel K. With a VaryingSlipKernel all components in `memory` form one slip vector, at whose magnitude the kernel is evaluated
+        (Collocation only, slip_at="t").
     initial_slip : array_like (members,) or (members, n_systems) or None, units of the states
         The first jump; None: y0[memory] (the sphere was at rest relative to the fluid); zeros: no memory of the start.
     args : tuple
@@ -69,43 +70,42 @@ def solve(
     dense_output : bool
         Whether to return the solution as a function of time.
     max_steps : int
-        The integration fails beyond.
+        The largest number of steps; the integration fails beyond it.
     breaks : array_like (n_breaks,), seconds
-        Instants where `fun` jumps or has a kink in time, in any order; those outside the time span do not matter. A step ends
-        at each, the next one starts anew with the rate after it. `fun` is never evaluated at a break itself but a few units in the
-        last place before it, and after it. A pulse that may be narrower than a step has to be named here. Fixed steps take
-        breaks that lie on their nodes.
+        Times at which `fun` is discontinuous or has a kink, in any order; those outside the time span are ignored. A step ends at each, and the next
+        one starts afresh with the rate after it. `fun` is never evaluated at a break itself but a few units in the last place before it, and after
+        it. Both ends of a pulse that may be narrower than a step must be given here. Fixed steps take breaks that lie on their nodes.
     workers : int
         Threads for many systems. With compiled functions (numba.njit) they run side by side, otherwise one after the other.
 
     Returns
     -------
     Solution
-        For many systems every field has a last axis more, or is a list where they differ in length: y (n_states, n_times,
-        n_systems) with `t_eval`, NaN behind a system's own end; otherwise lists of t and y; t_events[event][system]; status (n_systems,).
+        For many systems every field has one more, last axis, or is a list where lengths differ: y (n_states, n_times,
+        n_systems) with `t_eval`, NaN after a system's own end; otherwise lists of t and y; t_events[event][system]; status (n_systems,).
 
     Raises
     ------
     ValueError, TypeError
-        One sentence that names the argument. What goes wrong on the way (NaN from fun, steps too small) is a status.
+        One sentence that names the argument. A failure on the way (NaN from fun, steps too small) is a status.
 
     Notes
     -----
     fun, events and jumps get copies of the state, and what they return is copied: they may write into it and reuse it.
 
     Collocation follows every event function on every step by an interpolant that is exact for quadratic functions of the
-    states, halving the step up to six times where it does not follow; what comes and goes within less is bounded by
-    `max_step`. Fixed steps compare the nodes.
+    states, halving the step up to six times where it does not fit; shorter excursions may be missed unless `max_step` limits the steps. Fixed steps
+    compare the values at the nodes.
 
-    Where fun jumps with the state and both sides push into the jump, as friction that sticks, Collocation slides along it:
-    the rate is the mean of both sides that keeps the state there (Filippov), to a tenth of the tolerance. It ends in status −1
-    where the jump is not on a surface, or is crossed ever faster.
+    Where fun is discontinuous in the state and both sides drive the state into the discontinuity, as under sticking friction, Collocation slides
+    along it: the rate is the mean of both sides that keeps the state there (Filippov), to a tenth of the tolerance. It ends in status −1 where the
+    discontinuity is not a surface, or is crossed at ever shorter intervals.
 
-    Rest belongs to an event: when a flight between two of its jumps is shorter than 1e-10 of the time span, or no higher
-    than rounding lets see (with fixed steps: shorter than a step, or not out of the surface again), the components that the
-    jump reverses or stops are held at 0, without friction and without history force, until fun draws them off the surface
-    or another jump sets them going. The run ends with status 2 when all events with a jump are at rest and nothing else
-    moves, and where a body cannot be held: the jump changes more than it reverses (friction), or the surface moves.
+    A body comes to rest at an event with a jump: when a flight between two jumps is shorter than 1e-10 of the time span, or too low to be told from
+    rounding (with fixed steps: shorter than a step, or not out of the surface again), the components that the jump reverses or stops are held at 0,
+    without friction and without history force, until fun pulls them off the surface or another jump sets them going. The run ends with status 2 when
+    all events with a jump are at rest and nothing else moves, or when a body cannot be held: the jump also changes other components (friction), or
+    the surface moves.
 
     References
     ----------

@@ -20,7 +20,7 @@ BESIDE = 4.0  # units in the last place between a break and where `fun` is evalu
 MESSAGES = {
     0: "The solver reached the end of the time span.",
     1: "A terminal event occurred.",
-    2: "At rest: a flight between two jumps was too short to be distinguished from rest, and nothing else moves, or the body cannot be held at rest.",
+    2: "At rest: a flight between two jumps was too short to be distinguished from rest; either nothing else moves, or the body cannot be held at rest.",
 }
 
 
@@ -291,7 +291,7 @@ def traced(task: Task, method: Method) -> tuple[Task, Trace]:
     if not whole.all():
         last = max(1, int(whole.argmin()))
         if trace.status >= 0:
-            trace.status, trace.message = -1, f"The solution is beyond double precision behind t = {trace.times[last - 1]:.6g}."
+            trace.status, trace.message = -1, f"The solution overflows double precision after t = {trace.times[last - 1]:.6g}."
         trace.times, trace.states = trace.times[:last], trace.states[:last]
         trace.pieces = [piece for piece in trace.pieces if piece.end <= trace.times[-1]]
     return task, trace

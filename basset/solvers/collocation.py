@@ -2,7 +2,7 @@
 
 After a jump the solution is a series in √(t − t_j). The first step after a jump (and the first of all) is *singular*: a
 polynomial in σ = √θ, θ = (t − t_n)/h. All others are *regular*: y' is a polynomial in θ through the Radau IIA nodes. Steps
-grow geometrically away from a jump, so the singularity is resolved at a geometric rate and the stages buy the digits.
+grow geometrically away from a jump, so the singularity is resolved at a geometric rate and the number of stages sets the accuracy.
 Inside a step the history is integrated exactly; what happened before it is in the exponentials, whose moments over a step
 are exact too, and a jump is added to them in closed form.
 """
@@ -18,7 +18,7 @@ from basset.solvers.base import Method, Task, Trace
 
 @dataclass(frozen=True)
 class Collocation(Method):
-    """Graded Radau collocation with an error that is controlled through jumps.
+    """Graded Radau collocation whose error control holds through jumps.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ class Collocation(Method):
     Notes
     -----
     The kernel's sum of exponentials is fitted to a tenth of rtol, for lags from 1e-12 of the time span on (with jumps, or
-    when a slip fades within 1e-5 of it) or from 1e-10 on; where that cannot be had, to the best tabulated accuracy.
+    when a slip fades within 1e-5 of it) or from 1e-10 on; where that is impossible, to the best tabulated accuracy.
     Memory per component does not grow with time or with the number of jumps. Stages are solved by Newton's method: stiff
     drag is no obstacle. The time loop is compiled once for all equations; `fun`, event functions and jumps that are compiled
-    (numba.njit) run without Python from start to end, others are called back.
+    (numba.njit) run without Python from start to end, Python functions are called back.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Events on a step: where their functions change sign, what their jumps do, which bodies come to rest and go again.
+"""Events on a step: where their functions change sign, what their jumps do, which bodies come to rest and move again.
 
 Written once, in the part of Python that numba compiles: it runs inside the compiled loops of `stepper` and `_fixed`, and as plain Python.
 Event functions and jumps are called by `basset._compile.call`. Zeros by bounds on the derivatives of Chebyshev series: this library.

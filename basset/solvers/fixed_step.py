@@ -177,7 +177,7 @@ class _Integration:
         due = 0.5 * self.dt * (rates[1:] + rates[:-1])
         unmoved = (np.abs(np.diff(states, axis=0)) < 0.1 * np.abs(due)) & (np.abs(due) > 0.05 * np.ptp(states, axis=0))
         if done > 8 * IN_A_ROW and unmoved[-(done // 8) :].mean(axis=0).max() > 0.5:
-            raise SolverError(f"steps of {self.dt:.3g} s settle where fun is not 0 with {self.rule!r}: they are too long for it; {SHORTER}")
+            raise SolverError(f"steps of {self.dt:.3g} s settle at a state where fun is not 0 with {self.rule!r}: they are too long; {SHORTER}")
         for k in np.unique(np.linspace(0, len(trace.times) - 1, LOOKS, dtype=int))[1:]:
             try:
                 self._check(trace.times[k], trace.states[k])
@@ -216,7 +216,7 @@ class _Integration:
             trace.steps, self.rate = node, record.rates[node - 1]
 
     def _reason(self, code: int, found: events.Events, t: float) -> str:
-        """Why the loop could not go on behind t."""
+        """Why the loop could not go on after t."""
         numbers = self.state.numbers
         if code == TROUBLE:
             return events.trouble(found)
@@ -224,7 +224,7 @@ class _Integration:
             return f"fun was not finite in component {int(numbers[_fixed.WHAT])} at t = {numbers[_fixed.WHERE]:.6g}"
         if code == _fixed.DIVERGED:
             return f"steps of {self.dt:.3g} s diverge with {self.rule!r} at t = {t:.6g}: {SHORTER}"
-        return f"the step's equation did not converge behind t = {t:.6g}: try a smaller dt"
+        return f"Newton's method did not converge after t = {t:.6g}: try a smaller dt"
 
     def _free(self, t: float, y: Floats) -> Floats:
         """fun(t, y), from within the segment between two breaks."""
@@ -293,17 +293,16 @@ class FixedStep(_Grid):
     first nodes of every segment are solved together with the full degree. On smooth problems the order is the rule's.
 
     With `input="slip"` the equation is integrated once as Daitche (2013) does, y + c∫K y = …, the rule acting on slips;
-    fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where
-    it holds a t^(3/2)).
+    fun itself is then interpolated, so the order is the rule's only where fun along the solution is smooth too (2.4 where it contains a term
+    t^(3/2)).
 
     Degree 1 and the rules of lower order are stable for any drag and any history, but for `NewtonCotes`, whose newest sample has no
     weight (c√dt < 0.905); from degree 2 on rate·dt/A + c√dt/B must stay below 1: A = 6, 3, 1.8, 1.2, 0.77, 0.49, 0.31, 0.19, 0.11
     and B = 17, 2.2, 1.1, 0.54, 0.29, 0.17, 0.10, 0.060, 0.034 for
-    degrees 2 to 10. A step that is too long for what `fun` is at the start, and rates that alternate and grow on the way, end
-    in status −1: take Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing:
-    first order in dt at best. After a jump, and after an initial slip, the solution goes as √t: whatever the degree, the
-    largest error over the path then falls as h^(1/2) with rates and as h with slips; from rest as h^(3/2) and h², with rates and a
-    bounded kernel that steps resolve, K(0) < 2 K(dt), as h^(3/2).
+    degrees 2 to 10. A step that is unstable for `fun` at the start, and rates that alternate in sign and grow on the way, end in status −1: take
+    Collocation for stiff drag. Breaks must lie on nodes. Events snap to the first node after the crossing: first order in dt at best. After a jump,
+    and after an initial slip, the solution goes as √t: whatever the degree, the largest error over the path then falls as h^(1/2) with rates and as h
+    with slips; from rest as h^(3/2) and h², with rates and a bounded kernel that steps resolve, K(0) < 2 K(dt), as h^(3/2).
 
     Parameters
     ----------

@@ -1020,7 +1020,7 @@ def truncate_step(p: Parts, theta: float) -> None:
 
 @shared
 def restart(problem: Problem, control: Any, size: float) -> None:
-    """Steps start small again, `size` at most, at a jump of the slip or of its rate."""
+    """Restart with small steps, `size` at most, at a jump of the slip or of its rate."""
     since = control.time - control.last_jump
     control.last_jump = control.time
     control.step = max(2.0 * problem.floor, min(size, 0.5 * since) if since > 0.0 else size)
@@ -1042,7 +1042,7 @@ truncate_entry, accept_entry = entry(truncated), entry(accepted)
 
 @shared
 def to_event(m: Any, found: Any, p: Parts, record: Record, done: int, theta: float) -> int:
-    """Take the step up to θ, where events happen, and start anew behind their jumps: PASSED, or why to stop."""
+    """Take the step up to θ, where events happen, and start afresh after their jumps: PASSED, or why to stop."""
     control, y, problem, state, work = p.state.control[0], p.state.y, p.problem, p.state, p.work
     keep(p, record, done, theta)
     truncate_step(p, theta)

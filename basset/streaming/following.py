@@ -131,7 +131,7 @@ def enter(s: SlipStream, q: int, place: int, gain: float, arrives: float) -> Non
 
 @shared
 def accept(s: SlipStream, sample: Floats, tail: Floats) -> None:
-    """Take the next sample, after `look_at`; then the terms as they are at the node behind it."""
+    """Take the next sample, after `look_at`; then the terms as they are at the node after it."""
     tables, node, ring = s.tables, int(s.counters[0]), s.samples.shape[1]
     place = node % ring
     for c in range(len(sample)):
@@ -199,7 +199,7 @@ class FollowingPlan:
 def remembered(
     recipe: Recipe, whole: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel
 ) -> tuple[Stencil, int, int | None, float, float, int, VaryingSlipKernel]:
-    """What the tables are made for; errors as `FollowingPlan`, nothing dear is computed."""
+    """What the tables are made for; errors as `FollowingPlan`, nothing expensive is computed."""
     window, rtol = recipe.window, EXACT
     if recipe.tail is not None:
         if recipe.tail.rtol is None:

@@ -1,6 +1,6 @@
 """A memory of so many jumps only: the window T_back of Bombardelli, González & Niño (2008), J. Hydraul. Eng. 134, 1513, which they count in jumps.
 
-Memories are linear: what came before a jump, kept there and led on without samples, is what has to be taken out of the memory later.
+The history is linear: what came before a jump, copied there and continued without samples, is what has to be subtracted later.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class JumpWindow:
         self.kept: list[Any] = []
 
     def begin(self, state: Any, delta: Floats) -> None:
-        """Nothing came before the first sample, where f jumps by `delta`, which the plan is told."""
+        """Nothing came before the first sample, where f jumps by `delta`, which is passed to the plan."""
         self.kept.clear()
         if not isinstance(state, SlipStream) and not self.plan.recipe.degree:
             self.kept.append((int(state.counters[1]), delta.copy(), delta))
 
     def jump(self, state: Any, delta: Floats, g: Floats, slip: Floats | None = None) -> None:
-        """As the plan's own, with rate `g` and slip `slip` behind the jump."""
+        """As the plan's own, with rate `g` and slip `slip` after the jump."""
         if isinstance(state, SlipStream):
             self._slip(state, delta, g, slip)
         elif self.plan.recipe.degree:

@@ -153,7 +153,7 @@ class Plan(AtNewest, WithJumps):
 
     @property
     def nbytes(self) -> int:
-        """Bytes that the plan holds, states apart."""
+        """Bytes that the plan holds, without its states."""
         return sum(array.nbytes for array in self.tables if isinstance(array, np.ndarray))
 
     # ------------------------------------------------------------------------------------------------ the stream

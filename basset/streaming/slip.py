@@ -66,8 +66,8 @@ class VaryingPlan:
     def __reduce__(self) -> tuple[Any, ...]:
         return plan, (self.recipe, self.dt, self.steps, self.kernel)  # a copy has its own addresses for compiled code
 
-    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
-        """H at every row of rates (steps, components); `bends` are C in units of dt^(-3/2)."""
+    def _advance(self, state: VaryingState, rates: Floats, steepnesses: Floats) -> Floats:
+        """H at every row of rates (steps, components); `steepnesses` are C in units of dt^(-3/2)."""
         raise NotImplementedError
 
     def start(self, shape: tuple[int, ...] | int = ()) -> VaryingState:
@@ -97,10 +97,10 @@ class VaryingPlan:
         low, high = self.kernel.slip_range
         slips = np.broadcast_to(slips, rates.shape)
         inside = np.clip(slips, low, high)
-        bends = (self.kernel.steepness(inside) * self.dt**1.5).reshape(steps, -1)
-        history = self._advance(state, np.ascontiguousarray(rates.reshape(steps, -1)), np.ascontiguousarray(bends)).reshape(steps, *shape)
+        steepnesses = (self.kernel.steepness(inside) * self.dt**1.5).reshape(steps, -1)
+        history = self._advance(state, np.ascontiguousarray(rates.reshape(steps, -1)), np.ascontiguousarray(steepnesses)).reshape(steps, *shape)
         if steps:
-            state.history[...], state.steepness[:] = history[-1], bends[-1]
+            state.history[...], state.steepness[:] = history[-1], steepnesses[-1]
         state.counters[:] += np.array([steps, np.count_nonzero(inside != slips)])
         return history
 
@@ -160,43 +160,43 @@ class DirectPlan(VaryingPlan):
         self._window = recipe.used(steps)
         self._widths = self._window + 1, self._window + 1 if kernel.slip_at == "tau" else 0
 
-    def _table(self, bend: float) -> WeightTable:
-        return _slip_table(self.recipe.stencil, bend, self.kernel.c1)
+    def _table(self, steepness: float) -> WeightTable:
+        return _slip_table(self.recipe.stencil, steepness, self.kernel.c1)
 
-    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
+    def _advance(self, state: VaryingState, rates: Floats, steepnesses: Floats) -> Floats:
         history = np.zeros_like(rates)
         root, node = math.sqrt(self.dt), int(state.counters[0])
-        for step, (row, bend) in enumerate(zip(rates, bends, strict=True)):
+        for step, (row, steepness) in enumerate(zip(rates, steepnesses, strict=True)):
             n = node + step
             state.samples[:, 1:] = state.samples[:, :-1].copy()
             state.impulses[:, 1:] = state.impulses[:, :-1].copy()
             state.samples[:, 0], state.impulses[:, 0] = row, 0.0
             used = min(n, self._window)
             if self.kernel.slip_at == "tau":
-                history[step] = self._scattered(state, n, row, bend)
+                history[step] = self._scattered(state, n, row, steepness)
             elif used:
                 for c in range(len(row)):
-                    weights = np.concatenate(self._table(float(bend[c])).row(used))[::-1]
-                    history[step, c] = weights @ state.samples[c, : used + 1] + self._jumps(state.impulses[c, 1 : used + 1], float(bend[c]))
+                    weights = np.concatenate(self._table(float(steepness[c])).row(used))[::-1]
+                    history[step, c] = weights @ state.samples[c, : used + 1] + self._jumps(state.impulses[c, 1 : used + 1], float(steepness[c]))
             history[step] *= root
         return history
 
-    def _jumps(self, impulses: Floats, bend: float) -> float:
+    def _jumps(self, impulses: Floats, steepness: float) -> float:
         lags = np.flatnonzero(impulses) + 1.0
-        return float(_unit_kernel(bend, self.kernel.c1)._values(lags) @ impulses[impulses != 0.0]) if len(lags) else 0.0
+        return float(_unit_kernel(steepness, self.kernel.c1)._values(lags) @ impulses[impulses != 0.0]) if len(lags) else 0.0
 
-    def _scattered(self, state: VaryingState, n: int, row: Floats, bend: Floats) -> Floats:
+    def _scattered(self, state: VaryingState, n: int, row: Floats, steepness: Floats) -> Floats:
         """Add this sample's contribution to every future node (slip at τ: its weights no longer change)."""
         width = self._window + 1
         slots = (n + np.arange(width)) % width
         state.memory[:, (n - 1) % width] = 0.0
         for c, rate in enumerate(row):
-            state.memory[c, slots] += rate * self._column(n, float(bend[c]))
+            state.memory[c, slots] += rate * self._column(n, float(steepness[c]))
         return np.asarray(state.memory[:, n % width]) if n else np.zeros(len(row))
 
-    def _column(self, i: int, bend: float) -> Floats:
+    def _column(self, i: int, steepness: float) -> Floats:
         """Weights of sample i at nodes i … i + window."""
-        stencil, table, window = self.recipe.stencil, self._table(bend), self._window
+        stencil, table, window = self.recipe.stencil, self._table(steepness), self._window
         result = table.interior(window + 1)[::-1].copy()
         nodes = i + np.arange(window + 1)
         early = nodes[nodes < min(stencil.first, window + 1)]
@@ -216,8 +216,8 @@ class DirectPlan(VaryingPlan):
         if self.kernel.slip_at == "tau":
             width, n = self._window + 1, int(state.counters[0]) - 1
             lags = np.arange(1, width)
-            for c, bend in enumerate(state.steepness):
-                state.memory[c, (n + lags) % width] += delta[c] / self.dt * _unit_kernel(float(bend), self.kernel.c1)._values(lags.astype(float))
+            for c, steepness in enumerate(state.steepness):
+                state.memory[c, (n + lags) % width] += delta[c] / self.dt * _unit_kernel(float(steepness), self.kernel.c1)._values(lags.astype(float))
 
     def _replace_newest(self, state: VaryingState, rate: Floats) -> None:
         if self.kernel.slip_at == "tau":
@@ -267,17 +267,17 @@ class SumPlan(VaryingPlan):
         self._memory = placed(Memory(kernel.c1, math.sqrt(self.dt), -np.expm1(-rates), np.exp(-rates * window), entering, following, local))
         self._widths = degree + 2, len(tail)
 
-    def _advance(self, state: VaryingState, rates: Floats, bends: Floats) -> Floats:
+    def _advance(self, state: VaryingState, rates: Floats, steepnesses: Floats) -> Floats:
         from basset.streaming import _loops
 
         history, room = np.empty_like(rates), np.empty((2, max(self._widths)))
-        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _log_stretches(bends), history, room)
+        _loops.follow_slip(self._memory, state.samples, state.impulses, state.memory, int(state.counters[0]), rates, _log_stretches(steepnesses), history, room)
         return history
 
 
-def _log_stretches(bends: Floats) -> Floats:
+def _log_stretches(steepnesses: Floats) -> Floats:
     """Ln C^(2/3)."""
-    return np.asarray(2.0 / 3.0 * np.log(np.maximum(bends, 1e-300)))
+    return np.asarray(2.0 / 3.0 * np.log(np.maximum(steepnesses, 1e-300)))
 
 
 @lru_cache(maxsize=32)
@@ -302,15 +302,15 @@ def _local(degree: int, c1: float, low: float, high: float, fine: bool) -> SlipT
     return SlipTable(basset, np.zeros(0), begin, 1.0 / step, np.ascontiguousarray(np.moveaxis(ratios, -1, 0) @ coefficients))
 
 
-def _unit_kernel(bend: float, c1: float) -> MeiAdrianKernel:
-    """A kernel with steepness `bend` (c2 = 0: then C = √π/2 (U/0.75)³ at unit viscosity)."""
-    return MeiAdrianKernel(0.75 * (2.0 * bend / math.sqrt(math.pi)) ** (1.0 / 3.0), 1.0, 1.0, c1, 0.0)
+def _unit_kernel(steepness: float, c1: float) -> MeiAdrianKernel:
+    """A kernel with steepness `steepness` (c2 = 0: then C = √π/2 (U/0.75)³ at unit viscosity)."""
+    return MeiAdrianKernel(0.75 * (2.0 * steepness / math.sqrt(math.pi)) ** (1.0 / 3.0), 1.0, 1.0, c1, 0.0)
 
 
 @lru_cache(maxsize=64)
-def _slip_table(stencil: Stencil, bend: float, c1: float) -> WeightTable:
-    """Weights for C = `bend` in units of dt^(-3/2), which is all that matters of slip, diameter and viscosity."""
-    return WeightTable(stencil, _unit_kernel(bend, c1), "rate")
+def _slip_table(stencil: Stencil, steepness: float, c1: float) -> WeightTable:
+    """Weights for C = `steepness` in units of dt^(-3/2), which is all that matters of slip, diameter and viscosity."""
+    return WeightTable(stencil, _unit_kernel(steepness, c1), "rate")
 
 
 def plan(recipe: Recipe, dt: float, steps: int, kernel: VaryingSlipKernel) -> VaryingPlan:

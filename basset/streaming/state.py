@@ -37,7 +37,7 @@ class State(NamedTuple):
 
 
 class AtNewest:
-    """What any plan reads from a state of its own."""
+    """What any plan reads from one of its states."""
 
     def value(self, state: Any) -> Any:
         """H at the newest node, shape of one sample, unit of f × s^(-1/2); 0 after the first push (an initial jump counts from the next node on)."""

@@ -1,9 +1,9 @@
-"""The history at any times by a sum of exponentials: constant memory and time per sample, whatever the steps.
+"""The history at nonuniform times by a sum of exponentials: constant memory and time per sample, whatever the steps.
 
 K is replaced by a sum from the lag `near` on, which is no longer than a step. What is left of K, up to there, lies within the newest panel, where its moments
 are numbers of the plan. An exponential takes in a panel by the moments of its decay over it, once the polynomial of the panel is known: with
 the next sample. The first panel of a segment has a polynomial of its last degree one sample later, and is corrected then.
-Recursion: van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465; at any times: this library.
+Recursion: van Hinsberg et al. (2011), J. Comput. Phys. 230, 1465; at nonuniform times: this library.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Planned(NamedTuple):
 def planned(kernel: Kernel, rtol: float, near: float, far: float) -> Planned:
     """A sum for K from `near` to `far`; it begins later where that is more than twelve decades. What no table holds is fitted here."""
     if rtol < FINEST:
-        raise ValueError(f"rtol must be {FINEST:g} or greater at any times, got {rtol:g}")
+        raise ValueError(f"rtol must be {FINEST:g} or greater at nonuniform times, got {rtol:g}")
     endless = _has_geometric(kernel)
     near = near if endless else max(near, far * SHORTEST)
     far = max(far, 2.0 * near)
@@ -92,7 +92,7 @@ def halved(x: float, up: bool) -> float:
 
 
 class UnevenState(NamedTuple):
-    """The state of a stream at any times: float64 arrays only, as `basset.streaming.state.State`."""
+    """The state of a stream at nonuniform times: float64 arrays only, as `basset.streaming.state.State`."""
 
     samples: Array  # (components, KEPT), unit of f per second: the newest ones, the newest last
     terms: Array  # (components, terms), unit of H: the exponentials, without the newest panel
@@ -103,7 +103,7 @@ class UnevenState(NamedTuple):
 
 
 class UnevenPlan(AtNewest):
-    """`Exponential` made ready to stream at any times, by `Exponential.uneven_plan`: the methods of `basset.streaming.Plan`, with the time of every sample.
+    """`Exponential` made ready to stream at nonuniform times, by `Exponential.uneven_plan`: the methods of `basset.streaming.Plan`, with times of samples.
 
     `shortest` (s) is the shortest step that may be taken, longer than asked for where no sum for the kernel is so long; `tail_sum` stands for the kernel
     from that lag on.

@@ -41,22 +41,22 @@ def history(
     Parameters
     ----------
     ds : xarray.Dataset
-        Tracks as rows (trajectory, obs), as Parcels writes them, with NaN behind a track's end; as ragged arrays of CF along one dimension; or one track.
+        Tracks as rows (trajectory, obs), as Parcels writes them, with NaN after a track's end; as ragged arrays of CF along one dimension; or one track.
         Times as numbers with units in the attributes (none: seconds), as datetime64 or timedelta64; they need not be uniform.
     diameter : float, m
     viscosity : float, m²/s
         Kinematic.
     density : float, kg/m³
-        Of the fluid: the force is then in N.
+        Density of the fluid: the force is then in N.
     density_ratio : float, dimensionless
         Density of the particle over that of the fluid, in place of `density`: the force is then per mass of the particle, in m/s².
     slip : name or names, or None; m/s
-        Variables of w: one with a dimension `component`, or one to three. Units in their attributes are heeded.
+        Variables of w: one with a dimension `component`, or one to three. Units in their attributes are converted.
     velocity, fluid : name or names, or None; m/s
-        Variables of v, and of u at the particle, in place of the slip; fluid = "rest" where it does not move. None: known by usual names, the fluid also by
+        Variables of v, and of u at the particle, in place of the slip; fluid = "rest" for still fluid. None: recognised by usual names, the fluid also by
         standard names.
     position : name or names, or None; m or degrees
-        Variables of the place, in place of the velocity, which then comes from them by differences; longitude and latitude are known by their unit.
+        Variables of the position, instead of the velocity, which is then differentiated from them; longitude and latitude are recognised by their unit.
     time : name or None
     kernel : Kernel
     order : int
@@ -64,11 +64,12 @@ def history(
     rtol : float, dimensionless
         Promised error of the sum of exponentials, as in `Exponential`.
     drag : "stokes" or "schiller_naumann"
-        Counts for the share only.
+        The drag law in the total force; affects `history_share` only.
     before : "rest" or "steady"
-        What was before a track: no slip, so that its first one is a jump that is remembered (and the force infinite there), or its first slip, for ever.
+        The state before a track: no slip, so that the first slip is a jump that enters the history (and the force is infinite there), or a constant
+        slip equal to the first one.
     gaps : "raise", "bridge" or "split"
-        What is done where samples are missing (NaN) within a track: refuse, interpolate over them, or begin anew behind them, as a track of its own.
+        What to do where samples are missing (NaN) within a track: raise an error, interpolate over them, or start a new track after them.
 
     Returns
     -------
@@ -79,7 +80,7 @@ def history(
     Raises
     ------
     ValueError, TypeError
-        One sentence: no times or velocities found, times that do not rise, gaps, units that are not known, an argument out of range.
+        One sentence: no times or velocities found, times that do not rise, gaps, unknown units, an argument out of range.
 
     Notes
     -----

@@ -41,7 +41,7 @@ def opened(path: Path, track: str | None = None) -> Callable[[], Any]:
     if suffix not in (".nc", ".zarr", ".csv"):
         raise ValueError(f"the file of tracks must end in .nc, .zarr or .csv, got {str(path)!r}")
     if track is not None and suffix != ".csv":
-        raise ValueError(f"the column that numbers tracks is named for .csv files only, got {track!r} for {str(path)!r}")
+        raise ValueError(f"the column that numbers tracks must be given for .csv files only, got {track!r} for {str(path)!r}")
     if suffix == ".csv":
         table = _from_csv(path, track)
         return lambda: contextlib.nullcontext(table)
@@ -112,7 +112,7 @@ def write(
 
     `progress` is told how many tracks are done, and of how many.
 
-    What is done stands in `output` with .partial behind its name, which takes its place at the end: stopped at any time, the same call goes on from there
+    Finished tracks are in a file named `output` with .partial appended, which is renamed at the end: if stopped at any time, the same call resumes
     and writes the same bits. ValueError, TypeError as `history`; OSError for files that cannot be used.
     """
     workers, particle = _validate.integer("workers", workers, 1), Particle(**settings)

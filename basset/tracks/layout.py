@@ -1,4 +1,4 @@
-"""What of a dataset is what: times, velocities and places of tracks in any layout, and the result in the same one."""
+"""Which variables of a dataset are times, velocities and positions of tracks, in any layout, and the result in the same one."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Column:
 
 
 class Tracks:
-    """What of a dataset is what, and how to take some of its tracks.
+    """Which variables of a dataset are times, velocities and positions, and how to take some of its tracks.
 
     Tracks are rows, or follow each other along one dimension (contiguous or indexed ragged arrays of CF), or there is one.
     """
@@ -165,7 +165,7 @@ class Tracks:
         return float(step[same].min(initial=math.inf)), float((times[last] - times[first]).max())
 
     def taken(self, part: xarray.Dataset, start: int, stop: int, particle: Particle) -> Samples:
-        """What is known of those tracks; gaps are refused, bridged or split as told."""
+        """The samples of those tracks; gaps are refused, bridged or split as `particle.gaps` says."""
         times, whose = self.times(part), self.owners(part, start, stop)
         fluid = self.values(part, "fluid") if "fluid" in self.roles else None
         moved = self.values(part, next(iter(self.roles)))
@@ -182,7 +182,7 @@ class Tracks:
             before = int(places[k - 1] - places[np.flatnonzero(new[:k])[-1]])
             raise ValueError(
                 f"tracks must have no gaps, got one after sample {before} of track {whose[k]} (of {int(behind.sum())} in tracks {start} to {stop - 1}): "
-                "interpolate over them with gaps = bridge, or begin anew behind them with gaps = split"
+                "interpolate over them with gaps = bridge, or start a new track after them with gaps = split"
             )
         bounds = np.append(np.flatnonzero(new | behind if particle.gaps == "split" else new), len(places))
         times = _evened(times, bounds, samples._stored(part[self.time]), self._second(part))
@@ -264,7 +264,7 @@ def _time_of(ds: xarray.Dataset, name: Any) -> Any:
         found = [key for key in found if samples._is_time(str(key))] or found
     if len(found) != 1:
         raise ValueError(
-            f"tracks must have one variable of times, known by its units or the name time, or be told which (time), got {_names(found or ds.variables)}"
+            f"tracks must have one time variable, recognised by its units or the name time; name it by `time`, got {_names(found or ds.variables)}"
         )
     return found[0]
 

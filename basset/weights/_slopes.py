@@ -1,4 +1,4 @@
-"""Rates of samples at any times: compiled."""
+"""Rates of samples at nonuniform times: compiled."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ class WeightTable:
             return result
         count = n + 1 - reach  # samples with interior weights in the last row
         if count:
-            import scipy.fft  # takes longer to import than all of this package
+            import scipy.fft  # its import takes longer than that of this whole package
 
             size = scipy.fft.next_fast_len(2 * count - 1, real=True)
             product = scipy.fft.rfft(samples[reach:], size, axis=0) * self._transformed(count, size)[:, None]

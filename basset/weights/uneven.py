@@ -3,12 +3,12 @@
 A panel [t_{j−1}, t_j] has the polynomial through its two ends and, for degrees 2 and 3, the samples that the uniform rule takes: the next newer one,
 then older ones; at the beginning of a segment newer ones, at the newest panel older ones. On uniform times the weights are those of `Product`.
 
-A sample that lies so close to the panel, or to another one, that a sample would enter the polynomial with a weight above 10 is passed over for the next
-older one, among 8; where none is left the degree is lower. Errors of samples are then not magnified, whatever the steps.
-Two samples at one instant are a jump: one segment ends, another begins.
+A sample that lies so close to the panel, or to another one, that a sample would enter the polynomial with a weight above 10 is skipped for the next
+older one, among 8; where none is left the degree is lower. Errors of samples are then not magnified, whatever the steps. Two samples at one instant
+are a jump: one segment ends, another begins.
 
 Polynomials are in θ = (t_j − τ)/(t_j − t_{j−1}), from the panel's newer end on, so that moments need the lag of that end and θ only: nothing cancels far out.
-Product integration: Young (1954), Proc. R. Soc. A 224, 552; its polynomials on uniform times: Daitche (2013); at any times: this library.
+Product integration: Young (1954), Proc. R. Soc. A 224, 552; its polynomials on uniform times: Daitche (2013); at nonuniform times: this library.
 """
 
 from __future__ import annotations

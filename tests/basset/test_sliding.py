@@ -190,7 +190,7 @@ def test_what_cannot_be_followed_is_named_soon():
         result = solved(fun, 40.0, y0, c, memory=memory)
         assert result.status == -1
         assert result.nfev <= 100_000
-        assert result.message.startswith("fun jumps back and forth at t = ")
+        assert result.message.startswith("fun switches back and forth at t = ")
         assert "tanh" in result.message
 
 

@@ -315,7 +315,7 @@ def test_mistakes_are_one_sentence(many):
         ("knots.nc",): "must be in m/s",
         ("endless.nc", "--gaps", "bridge"): "velocities must be finite, or NaN where they are missing, got an infinite one in track 0",
         ("fortnights.nc",): "fortnights",
-        ("timeless.nc",): "must have one variable of times",
+        ("timeless.nc",): "must have one time variable",
         ("words.csv",): "words.csv",
         ("words.nc",): "must be a netCDF-3 file",
         ("four.nc",): "the package netCDF4 or h5netcdf must be installed",
@@ -327,7 +327,7 @@ def test_mistakes_are_one_sentence(many):
         tracks.history(one(np.arange(3.0), np.zeros(3)), **STEADY, slip=3)
     before = Path("rows.nc").read_bytes()
     same = run("rows.nc", "--output", "./rows.nc", "--force", *OPTIONS)
-    assert same.exit_code == 2 and "--output must be another file than what is read" in same.output and Path("rows.nc").read_bytes() == before
+    assert same.exit_code == 2 and "--output must differ from the file that is read" in same.output and Path("rows.nc").read_bytes() == before
     for words, said in cases.items():
         made = run(words[0], "--output", "out.nc", *OPTIONS, *words[1:])
         assert made.exit_code == 2, (words, made.output)

@@ -312,8 +312,8 @@ class TestStream:
         refused(ValueError, r"t must have the shape \(2,\), one time for each sample, got \(1,\)", plan.run, state, np.ones(2), [0.3])
         refused(TypeError, "state must be what plan.start", plan.push, 3, 1.0, 0.3)
         assert pickle.dumps(state) == before
-        refused(ValueError, "order must be from 1 to 3 at any times, got 4", Exponential(4).uneven_plan, 1.0)
-        refused(ValueError, "rtol must be 1e-14 or greater at any times, got 1e-15", Exponential(3, 1e-15).uneven_plan, 1.0)
+        refused(ValueError, "order must be from 1 to 3 at nonuniform times, got 4", Exponential(4).uneven_plan, 1.0)
+        refused(ValueError, "rtol must be 1e-14 or greater at nonuniform times, got 1e-15", Exponential(3, 1e-15).uneven_plan, 1.0)
 
     def test_steps_of_any_ratio(self):
         """f' = 1: H = 2√t, with a sum from 1e-300 of the horizon on."""
@@ -335,8 +335,8 @@ class TestRefused:
         for error, sentence, samples, given in (
             (TypeError, r"dt must be .*\(seconds\), got None; or t must be given", g, {}),
             (TypeError, "dt must be left out where t is given, got 0.1", g, {"dt": 0.1, "t": t}),
-            (ValueError, allowed.format("samples at any times", "Brush"), g, {"t": t, "rule": "brush"}),
-            (ValueError, allowed.format("samples at any times", r"Daitche\(order=4\)"), g, {"t": t, "rule": Daitche(4)}),
+            (ValueError, allowed.format("samples at nonuniform times", "Brush"), g, {"t": t, "rule": "brush"}),
+            (ValueError, allowed.format("samples at nonuniform times", r"Daitche\(order=4\)"), g, {"t": t, "rule": Daitche(4)}),
             (ValueError, allowed.format("bridged gaps", "SemiDerivative"), holes, {"dt": 0.1, "rule": "semi_derivative", "gaps": "bridge"}),
             (ValueError, r"t must have the shape \(5,\), one time for each sample of g, got \(4,\)", g, {"t": t[:4]}),
             (ValueError, "t must not fall, got 1 after 2 seconds in row 3", g, {"t": [0.0, 1.0, 2.0, 1.0, 4.0]}),
@@ -360,7 +360,7 @@ class TestRefused:
     def test_one_value_needs_its_sample(self):
         refused(
             ValueError,
-            "g must have its last sample, where the integral is taken, got a missing one in row 2",
+            "the last sample of g must not be missing, the integral is taken there; got a missing one in row 2",
             integrate,
             [1.0, 1.0, np.nan],
             0.1,

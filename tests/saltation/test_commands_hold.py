@@ -240,7 +240,7 @@ def test_a_path_too_long_for_memory_is_one_sentence(monkeypatch):
 
     monkeypatch.setattr(saltation, "run", fill)
     out = invoke(*SHORT)
-    assert (out.exit_code, out.stdout) == (1, "") and out.stderr.startswith("Error: memory is full") and "run.trajectory = false" in out.stderr
+    assert (out.exit_code, out.stdout) == (1, "") and out.stderr.startswith("Error: out of memory") and "run.trajectory = false" in out.stderr
 
 
 # Arguments
