@@ -69,8 +69,8 @@ def outdated(file: Path, full: bool) -> bool:
 @click.command(cls=Listing, help="Measure what accuracy costs in time; all suites unless some are named.")
 @click.argument("names", nargs=-1, metavar="[SUITE]...")
 @click.option("--full", is_flag=True, help="Longer runs, all suites, and the comparison with other packages (peers).")
-@click.option("--stale", is_flag=True, help="Only suites that have no file in the output yet, or one that is older than the code.")
-@click.option("--records", metavar="DIR", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Digitised measurements, for the suite measured.")
+@click.option("--stale", is_flag=True, help="Only suites whose file in the output is missing or older than the code.")
+@click.option("--records", metavar="DIR", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Digitised records, for the suite `measured`.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=DATA, help="Where the JSON goes.  [default: reports/data]")
 def main(names: tuple[str, ...], full: bool, stale: bool, records: Path | None, output: Path) -> None:
     """Run suites one after the other; say which, and how long each took."""
@@ -84,9 +84,9 @@ def main(names: tuple[str, ...], full: bool, stale: bool, records: Path | None, 
         chosen = [name for name in chosen if outdated(output / f"{name}.json", full)]
     given = {name: {"records": records} if records and takes_records(name) else {} for name in chosen}
     if records and not any(given.values()):
-        click.echo("--records is for the suite measured, which is not among those to run", err=True)
+        click.echo("--records is for the suite `measured`, which is not among those to run", err=True)
         sys.exit(2)
-    words = ["python", "-m", "bench", *names, *(["--full"] if full else []), *(["--records", "DIR"] if records else [])]  # whose folder is nobody's business
+    words = ["python", "-m", "bench", *names, *(["--full"] if full else []), *(["--records", "DIR"] if records else [])]  # without the user's folder
     command, state = shlex.join(words), commit()
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} suites"), TimeElapsedColumn())

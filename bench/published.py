@@ -1,4 +1,4 @@
-"""The coefficients as published, transcribed literally: objects of measurement, not of use.
+"""The coefficients as published, transcribed literally: for measurement, not for use.
 
 Daitche (2013), J. Comput. Phys. 254, 93, second, third and fourth error order; van Hinsberg et al. (2011), thesis
 eq. 5-7; and the three oldest rules of the thesis. Rows are dimensionless, n+1 weights, newest first:

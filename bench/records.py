@@ -62,7 +62,7 @@ BOUNCES = (ST152, ST27)
 
 @dataclass(frozen=True)
 class Fall:
-    """A sphere that sets out from rest far from walls: its last speed, and the time after which it has 95 % of it."""
+    """A sphere that sets out from rest far from walls: its terminal speed, and the time after which it has 95 % of it."""
 
     name: str
     ratio: float

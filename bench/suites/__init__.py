@@ -4,7 +4,7 @@ Unless in full it takes seconds, a minute at most with what it has to compile. `
 """
 
 TOO_LONG = {
-    "advice": "thousands of timed rivals",
+    "advice": "thousands of timed candidates",
     "blind": "three hundred runs",
     "chapter4": "a hundred and more clouds",
     "choosing": "32 sets of effects to compile",
@@ -13,10 +13,10 @@ TOO_LONG = {
     "flights": "a dozen forms of flight to compile",
     "grains": "clouds of ten thousand grains",
     "measured": "ten thousand short flights",
-    "particles": "compiled flows, and a package beside them",
+    "particles": "compiled flows, and another package",
     "peers": "other packages",
     "saltation": "some thirty forms of flight to compile",
     "scenes": "hundreds of flights, and a dozen forms of them to compile",
-    "stepper": "all is compiled anew, four times",
-    "turbulence": "hundreds of flights among eddies, many until stream and grains agree",
+    "stepper": "everything is compiled four times",
+    "turbulence": "hundreds of flights among eddies, many repeated until stream and grains agree",
 }

@@ -1,4 +1,4 @@
-"""Is the scheme that `basset.advise` takes as exact as it says, and how much slower than the fastest that really meets the error?"""
+"""Is the scheme that `basset.advise` recommends as accurate as predicted, and how much slower than the fastest that meets the error?"""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ Rival = tuple[Rule, float, int]  # with its step and the number of steps
 
 @dataclass(frozen=True)
 class Case:
-    """A rate, and what is told to `advise` about it."""
+    """A rate, and what `advise` is given of it."""
 
     name: str
     description: str
     rate: Function  # g(t), seconds to (nodes,) or (nodes, columns)
-    scale: float  # s, told to `advise`, unless `samples`
+    scale: float  # s, given to `advise`, unless `samples`
     length: float  # s
     exact: Function | None = None  # H(t) from the second node on; None: a finer run of a high order
     kernel: Kernel = BassetKernel()
@@ -55,7 +55,7 @@ class Case:
         return basset.cumulate(fine, dt / parts, FINE, self.kernel)[parts::parts]
 
     def told(self) -> dict[str, Any]:
-        """What `advise` is told about the rate."""
+        """The arguments of `advise` that describe the rate."""
         if not self.samples:
             return {"time_scale": self.scale}
         step = SAMPLED * self.scale
@@ -165,7 +165,7 @@ class Trial:
         return basset.advise(self.error, **self.case.told(), **length, **self.asked)
 
     def row(self, found: advice.Advice, rounds: int) -> dict[str, Any]:
-        """How exact it is, and how much slower than the fastest that meets."""
+        """How accurate it is, and how much slower than the fastest that meets the error."""
         best = found.best
         error = self.true_error(best.rule, best.dt, best.steps, found.time_scale)
         columns = self.case.particles * self.case.components

@@ -1,6 +1,6 @@
 """Does `saltation scheme` choose a history scheme that keeps the wanted error, and the cheapest that does?
 
-Twelve scenes that nobody looked at while the command was written, two errors each. What is chosen flies again, over other beds and for longer, beside a
+Twelve scenes that were not used in developing the command, two errors each. What is chosen flies again, over other beds and for longer, beside a
 tighter reference; everything else that could be cheaper does too.
 """
 

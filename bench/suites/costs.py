@@ -1,4 +1,4 @@
-"""Do a start, a cached value, a table of weights and a long history cost what they should?"""
+"""Do starting, a value with cached weights, building weights and a long history cost what they should?"""
 
 from __future__ import annotations
 

@@ -279,7 +279,7 @@ def to_rest() -> dict[str, Any]:
 
 
 def by_impacts(full: bool) -> list[dict[str, Any]]:
-    """Cost against the number of impacts: a livelier sphere, so that many are far from rest."""
+    """Cost against the number of impacts: a sphere of higher restitution, so that many are far from rest."""
     method, records = basset.Collocation(rtol=1e-6), []
     livelier = {impacts: bouncing_case(impacts, 0.95, 0.05, 0.05) for impacts in ((1, 2, 5, 10, 20, 30, 40) if full else (2, 5, 10, 20))}
     times = measure.interleaved({n: lambda case=case: case.solve(method) for n, case in livelier.items()}, rounds=7 if full else 1, seconds=0.0)

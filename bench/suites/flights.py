@@ -1,4 +1,4 @@
-"""What does a jump cost, and how exact is it?"""
+"""What does a jump cost, and how accurate is it?"""
 
 from __future__ import annotations
 

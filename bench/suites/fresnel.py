@@ -85,7 +85,7 @@ def times(sizes: list[int], full: bool) -> dict[str, dict[tuple[str, int], float
 
 
 def run(full: bool) -> dict[str, Any]:
-    """Work–precision records of every rule, at t = 50π and 50π + 1, under three clocks."""
+    """Work–precision records of every rule, at t = 50π and 50π + 1, timed in three ways."""
     problems = [PROBLEMS["fresnel"], PROBLEMS["fresnel_generic"]]
     records: list[dict[str, Any]] = []
     sizes = [2**exponent for exponent in range(SMALLEST, (LARGEST if full else SHORT) + 1)]

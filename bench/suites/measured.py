@@ -1,4 +1,4 @@
-"""Which treatment of the history force at an impact, kernel, drag and restitution do measured rebounds and falls of spheres bear out?
+"""Which treatment of the history force at an impact, kernel, drag and restitution do measured rebounds and falls of spheres support?
 
 Every choice flies a sphere that falls on a wall in still liquid; one number is fitted per measured motion (the restitution of the first contact), then one for
 all of them (k in e = dry·exp(−k/St) at every contact), with intervals, and again with what was measured or assumed changed. A folder with the full digitised
@@ -434,7 +434,7 @@ WINDOWS = ((0.0, 3.0), (3.0, 10.0), (10.0, math.inf))  # √(d/g)
 
 
 def settling(folder: Path | None, c2: float) -> dict[str, Any]:
-    """Falls from rest: the times to 95 % of the last speed; with the record at Re 41 the deviations of the speed."""
+    """Falls from rest: the times to 95 % of the terminal speed; with the record at Re 41 the deviations of the speed."""
     chosen = {choice.kernel or choice.label: (choice, PLAIN) for choice in (Choice(), *(Choice("impulse", kernel) for kernel in ("basset", *KERNELS)))}
     chosen["fitted c2"] = (Choice("impulse", FIT_KERNEL), Closure(constants=(FIT_POWER, c2)))
     times = []

@@ -1,4 +1,4 @@
-"""Does `maxey_riley` keep what it promises in published flows, what does a particle cost, alone and among a hundred thousand, and what a track?"""
+"""Does `maxey_riley` keep its tolerance in published flows, and what do a particle, alone or among a hundred thousand, and a track cost?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does a step cost, part by part; what do compiled functions, many at once and threads save; and what does compiling cost?"""
+"""What does a step cost, part by part; what do compiled functions, many systems at once and threads save; and what does compiling cost?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What do a turbulent stream, and one that feels its grains, do to jumps, bed load and spreading?
+"""What do turbulence and two-way coupling do to jumps, bed load and spreading?
 
 The runs of `saltation.study.turbulence` (`saltation campaign turbulence`), a path through eddies, what grains see of the fluctuations, the stream before and
 after coupling, spreading in three ranges of time, and grains so fine that the stream lifts them.

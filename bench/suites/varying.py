@@ -1,4 +1,4 @@
-"""What do finite-Reynolds kernels give if the slip varies?"""
+"""How do the readings of a finite-Reynolds kernel differ if the slip varies?"""
 
 from __future__ import annotations
 

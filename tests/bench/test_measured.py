@@ -59,7 +59,7 @@ def test_a_record_is_read_or_refused_in_one_sentence(tmp_path):
 
 def test_records_are_for_the_suite_that_reads_them(tmp_path):
     result = CliRunner().invoke(command.main, ["kernels", "--records", str(tmp_path), "--output", str(tmp_path / "data")])
-    assert (result.exit_code, result.output) == (2, "--records is for the suite measured, which is not among those to run\n")
+    assert (result.exit_code, result.output) == (2, "--records is for the suite `measured`, which is not among those to run\n")
     assert command.takes_records("measured") and not (tmp_path / "data").exists()
 
 
@@ -136,7 +136,7 @@ def test_the_page_is_built_from_the_data_with_and_without_records(data, monkeypa
     assert "the full digitised records" in text and "the authors' exponential" in text
     bare = {**own, "from_records": False, "settling": {key: value for key, value in own["settling"].items() if key != "re41"}}
     text = page.build({"measured": bare})
-    assert "the key figures alone" in text and "was not at hand" in text
+    assert "the key figures alone" in text and "was not available" in text
 
 
 def test_what_the_data_says(data):

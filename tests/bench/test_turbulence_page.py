@@ -66,5 +66,5 @@ def test_the_page_tells_rates_and_misses(tmp_path):
     with into(tmp_path):
         text = page.build({"turbulence": data})
     assert "4 to 4 times Wong and Parker's before" in text and "3 of 3 within a factor of 2" in text and "(R_p 73 at T 1.5)" in text
-    assert "0.4 mm from w_s/u* = 0.3 down and leave it at the bed from 3 up" in text
+    assert "0.4 mm where w_s/u* is 0.3 or less and leave it at the bed where it is 3 or more" in text
     assert len(list((tmp_path / "figures").glob("*.png"))) == 5
