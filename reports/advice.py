@@ -1,4 +1,4 @@
-"""The page reports/advice.md: whether the scheme that is advised is exact enough, and how far it is from the fastest."""
+"""The page reports/advice.md: whether the advised scheme is accurate enough, and how far it is from the fastest."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def advised(data: Record, step: str) -> str:
         own = where(rows, case=name)
         if own:
             lines.append([data["descriptions"][name], own[0]["told"], *(schemes(own, error) for error in errors)])
-    return table(["problem", "told", *(f"asked: {short(error)}" for error in errors)], lines)
+    return table(["problem", "given", *(f"error {short(error)}" for error in errors)], lines)
 
 
 def groups(rows: Sequence[Record]) -> str:
-    """Ratios by use, step and what was told."""
+    """Ratios by use, step and what was given."""
     lines = []
     for told in ("time scale", "samples"):
         for step, label in STEPS.items():
@@ -68,7 +68,7 @@ def groups(rows: Sequence[Record]) -> str:
                 lines.append(
                     [told, label, use, str(len(own)), f"{max(errors):.2f}", f"{statistics.median(ratios):.2f}", f"{max(ratios):.2f}", str(len(missed(own)))]
                 )
-    head = ["told", "step", "use", "cases", "true error / asked, largest", "time / fastest, median", "largest", f"above {MOST:g}"]
+    head = ["given", "step", "use", "cases", "largest true error / asked", "time / fastest, median", "largest", f"above {MOST:g}"]
     return table(head, lines)
 
 
@@ -159,7 +159,7 @@ def draw_ratios(rows: Sequence[Record], most: float) -> Any:
     ticks = (1.0, 1.2, 1.5, 2.0, 3.0)
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
-    axes.set(ylabel="time / time of the fastest that really meets", title="The advised scheme against the fastest that is as exact as asked")
+    axes.set(ylabel="time / time of the fastest that meets the error", title="The advised scheme against the fastest that meets the error asked for")
     _legend(figure, axes, 3)
     return figure
 

@@ -35,7 +35,7 @@ WRITTEN = ("guide", "thesis")  # pages without data, written by hand
 PICTURES = (  # the front page starts with them: whole flights, and the thesis's two that led there
     Picture("scenes_accuracy", "scenes", "Error of the mean jump against time: the thesis's fig. 5-5 where it matters, in a scene."),
     Picture("error_step", "quadrature", "Error of the history integral against the step: the thesis's fig. 5-4 again."),
-    Picture("accuracy_time", "quadrature", "Error of the history integral against time: the thesis's fig. 5-5 again, by three clocks."),
+    Picture("accuracy_time", "quadrature", "Error of the history integral against time: the thesis's fig. 5-5 again, timed in three ways."),
 )
 END = "---\n\nMade by `python -m reports.build` from [data/](data/). Every page ends with the commands, the commits and the machine that measured it."
 

@@ -1,4 +1,4 @@
-"""The page reports/flights.md: what a jump costs, how exact it is, and what starting and the campaign take."""
+"""The page reports/flights.md: what a jump costs, how accurate it is, and what starting and the campaign take."""
 
 from __future__ import annotations
 
@@ -318,7 +318,7 @@ def draw_accuracy(data: Record) -> Any:
     _slope(panels[0], 8e2, 3e-2, 6e3, -0.5, "t$^{-1/2}$", "right")
     _slope(panels[1], 6e2, 1.2e-3, 6e3, -1, "t$^{-1}$", "right")
     panels[0].set_ylabel(f"error of a jump / mean jump, root mean square over {data['flown']} jumps")
-    figure.suptitle("A jump by collocation is both quicker and far more exact than at fixed steps, whatever their scheme")
+    figure.suptitle("A jump by collocation is both quicker and far more accurate than at fixed steps, whatever their scheme")
     _keys(panels[0])
     _legend(figure, panels[0], 5)
     return figure

@@ -31,7 +31,7 @@ ORDER = (
 FOUND = {path.stem: path for path in sorted((HERE / "examples").glob("*.py"))}
 EXAMPLES = [FOUND[name] for name in dict.fromkeys((*ORDER, *FOUND)) if name in FOUND]
 OPENING = (
-    "Each is a file of 20 to 60 lines that runs as it stands, asserts one number against something independent, and draws one figure. "
+    "Each is a file of 20 to 60 lines that runs as it is, asserts one number against an independent reference, and draws one figure. "
     "Which call suits what you have: [how to choose](how_to_choose.md)."
 )
 STYLE = LOOK | {"axes.prop_cycle": cycler(color=[BLUE, RED, GREEN, ORANGE, PINK])}

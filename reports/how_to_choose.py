@@ -16,7 +16,7 @@ STREAM = "Exponential(3, 1e-6)"
 
 
 def measured(found: Record | None) -> dict[str, str]:
-    """What is said of samples at any times and of spheres in a flow; a dash where they were not measured."""
+    """What is said of samples at nonuniform times and of spheres in a flow; a dash where they were not measured."""
     names = ("track_error", "track", "sphere_error", "sphere")
     if found is None:
         return dict.fromkeys(names, "–")

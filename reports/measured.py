@@ -1,4 +1,4 @@
-"""The page reports/measured.md: which treatment of the history at an impact, kernel and restitution measured motions bear out."""
+"""The page reports/measured.md: which treatment of the history at an impact, kernel and restitution measured motions support."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def laws(data: Record) -> dict[str, str]:
 
 
 def times(data: Record) -> str:
-    """Times to 95 % of the last speed, and greatest speeds in a tank."""
+    """Times to 95 % of the terminal speed, and greatest speeds in a tank."""
     names = laws(data)
     rows = [
         [row["motion"], f"{1e3 * row['measured']:.0f} ms", *(percent(row[name] / row["measured"] - 1.0) if row[name] else "–" for name in names)]
@@ -173,7 +173,7 @@ def re41(data: Record) -> str:
         windows = [percent(value) for value in row["windows"]]
         rows.append([names.get(row["choice"], row["choice"]), row["last"], f"{row['rms']:.3f}", *windows])
     if not rows:
-        return "The record of this fall was not at hand when this was measured."
+        return "The record of this fall was not available when this was measured."
     return table(["kernel", "speeds", "rms, √(g d)", "largest deviation, %: t < 3 √(d/g)", "3 to 10", "later"], rows)
 
 
@@ -255,7 +255,7 @@ def draw_falls(data: Record) -> Any:
         axes.plot(time, share, ":" if name == "fitted c2" else "-", color=colours[name], label=words)
     axes.plot(1e3 * row["measured"], 95.0, "o", color=RED, markerfacecolor="white", zorder=5, label="measured")
     axes.axhline(95.0, color="#999999", linewidth=0.8, linestyle=":")
-    axes.set(xlabel="time from rest (ms)", ylabel="speed over the last speed (%)", xlim=(0.0, 200.0), ylim=(0.0, 103.0))
+    axes.set(xlabel="time from rest (ms)", ylabel="speed over the terminal speed (%)", xlim=(0.0, 200.0), ylim=(0.0, 103.0))
     axes.legend(loc="lower right")
     figure.suptitle(f"A glass sphere of 0.5 mm that falls from rest in water, {row['motion']}")
     return figure
@@ -288,7 +288,7 @@ def build(data: dict[str, Record]) -> str:
         k_forget=span([by[rebound, kernel]["k"] for rebound in ("reset", "none") for kernel in KERNELS]),
         k_none=f"{by[None, None]['k']:.1f}",
         e_high=f"{single['St 152', 'impulse', 'basset']['e']:.2f}",
-        points="the full digitised records" if own["from_records"] else "the key figures alone, the records were not at hand",
+        points="the full digitised records" if own["from_records"] else "the key figures alone, the records were not available",
         least=percent(min(row["total"] for row in own["joint"])),
         best=name_of(min(own["joint"], key=lambda row: row["total"])),
         target=percent(TARGET),

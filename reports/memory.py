@@ -167,7 +167,7 @@ def stopping_table(varying: Record) -> str:
     rows = []
     for r in varying["stopping"]:
         rows.append([f"{r['amplitude']:g}", f"{r['low']:g} U0", f"{r['outside']} of {r['n']}", f"{r['differences']['slip at τ']:.0%}"])
-    return table(["amplitude a", "least slip admitted", "slips taken at it", "τ – t"], rows)
+    return table(["amplitude a", "smallest slip allowed", "slips replaced by it", "τ – t"], rows)
 
 
 def above_full(records: list[Record]) -> list[float]:
@@ -285,7 +285,7 @@ def draw_costs(records: list[Record]) -> Any:
     panels[1].set(title="memory", xlabel="steps remembered n", ylabel="state per grain of three components (bytes)", ylim=(2e2, 1e7))
     _slope(panels[0], 2.5e3, 5e3, 1.2e4, 1, "n", "right")
     _slope(panels[1], 2.5e3, 3.5e5, 1.2e4, 1, "n", "right")
-    return finished(figure, panels[0], 3, "A sum of exponentials remembers a million steps for the price of a few hundred bytes and tens of nanoseconds")
+    return finished(figure, panels[0], 3, "A sum of exponentials remembers a million steps in a few hundred bytes and tens of nanoseconds per step")
 
 
 def draw_errors(records: list[Record]) -> Any:
@@ -420,7 +420,7 @@ def draw_varying(data: Record, base_amplitude: float = 0.5, base_frequency: floa
     panels[0].minorticks_off()
     _slope(panels[0], 0.12, 1.8e-3, 0.3, 1, "a", "right")
     panels[1].set(title=f"a = {base_amplitude:g}", xlabel="frequency ω × the kernel's time scale C$^{-2/3}$")
-    return finished(figure, panels[0], 4, "Whose slip the kernel takes: percents of H while the slip varies by half, half of H where it nearly stops")
+    return finished(figure, panels[0], 4, "Slip at t or at τ: a few per cent of H while the slip varies by half, half of H where it nearly stops")
 
 
 PAGE = Page("memory", memory, SUITES)

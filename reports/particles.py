@@ -1,4 +1,4 @@
-"""The page reports/particles.md: spheres in published flows, their error against time beside marge3d, many at once, and tracks at uneven times."""
+"""The page reports/particles.md: spheres in published flows, their error against time beside marge3d, many at once, and tracks at nonuniform times."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def marge3d_table(data: Record) -> str:
         size = f"rtol {short(r['size'])}" if own else grouped(r["size"])
         ours = "–" if own or equal is None else f"{seconds(equal)} ({factor(r['seconds'] / equal)} × less)"
         rows.append([r["solver"], size, seconds(r["seconds"]), seconds(r.get("each_of_many")), short(r["error"], 1), ours])
-    return table(["solver", "steps", "time", "each of 200", "largest distance from the path", f"{OURS} as good"], rows)
+    return table(["solver", "steps", "time", "each of 200", "largest distance from the path", f"{OURS}, no larger error"], rows)
 
 
 def theirs_table(data: Record) -> str:
@@ -63,7 +63,7 @@ def theirs_table(data: Record) -> str:
         own = as_good(data, r["slip"], r["error"])
         cell = f"{seconds(own['seconds'])}, rtol {short(own['rtol'])}" if own else "–"
         rows.append([r["solver"], "0.1" if r["slip"] else "none", grouped(r["n"]), short(r["error"], 1), seconds(r["seconds"]), cell])
-    return table(["their solver", "slip at the start", "nodes", "error", "time", f"{OURS} as good"], rows)
+    return table(["their solver", "slip at the start", "nodes", "error", "time", f"{OURS}, no larger error"], rows)
 
 
 def steepness(rows: list[Record]) -> float:
@@ -99,7 +99,7 @@ def particles(data: dict[str, Record]) -> str:
         theirs=theirs_table(found),
         marge3d=marge3d_table(found),
         threads=table(
-            ["threads", "time", "per particle and unit time", "one thread over it"],
+            ["threads", "time", "per particle and unit time", "speed-up"],
             [[count, seconds(t), seconds(t / swarm["particles"] / span), f"{swarm['seconds']['1'] / t:.2f} ×"] for count, t in swarm["seconds"].items()],
         ),
         terms=table(["forces", "per particle and unit time"], [[name, seconds(swarm["terms"][key] / span)] for key, name in TERMS.items()]),

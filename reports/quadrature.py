@@ -1,4 +1,4 @@
-"""The page reports/quadrature.md: every published way to compute the history integral, its error and its price."""
+"""The page reports/quadrature.md: every published way to compute the history integral, its error and its cost."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def cheapest(records: Sequence[Record], tolerance: float) -> str:
 
 
 def summary(generic: Sequence[Record]) -> str:
-    """Which rule is cheapest for which error, under three clocks."""
+    """Which rule is cheapest for which error, timed in three ways."""
     groups: dict[str, Sequence[Record]] = {
         "weights cached": select(generic, clock=CACHED),
         "cold: weights built by basset": select(generic, clock=COLD),
@@ -117,7 +117,7 @@ def ratio_over(records: Sequence[Record], clock: str, above: str, below: str, sm
 
 
 def build_shares(records: Sequence[Record]) -> str:
-    """The share of building in the thesis's clock, for each published rule at the largest N that was timed."""
+    """The share of building in the thesis's times, for each published rule at the largest N that was timed."""
     parts = []
     for name in ("Hinsberg", "Daitche(1)", "Daitche(2)", "Daitche(3)"):
         record = select(records, scheme=name, clock=PUBLISHED)[-1]
@@ -127,7 +127,7 @@ def build_shares(records: Sequence[Record]) -> str:
 
 
 def published_winners(records: Sequence[Record]) -> str:
-    """Who is the cheapest by the thesis's clock, for which error."""
+    """Which rule is the cheapest by the thesis's timing, for which error."""
     winners: dict[str, list[str]] = {}
     for tolerance in TOLERANCES:
         ranked = as_cheap(select(records, clock=PUBLISHED), tolerance)
@@ -358,25 +358,25 @@ def draw_convergence(records: list[Record]) -> Any:
 
 
 def draw_clocks(records: list[Record]) -> Any:
-    """Fig. 5-3 again: with the build inside the clock, and without."""
+    """Fig. 5-3 again: with the building of weights timed too, and without."""
     figure, panels = plt.subplots(1, 2, figsize=(10.0, 5.2), sharey=True)
     thesis = select(records, problem="fresnel")
     for name in schemes(records):
         _line(panels[0], select(thesis, scheme=name, clock=PUBLISHED), "h", "seconds", name)
         _line(panels[1], select(thesis, scheme=name, clock=CACHED), "h", "seconds", name)
-    panels[0].set(title="weights built as published, inside the clock", xlabel="step h (s)", ylabel="time per value, one core (s)")
+    panels[0].set(title="weights built as published, timed too", xlabel="step h (s)", ylabel="time per value, one core (s)")
     panels[1].set(title="weights cached", xlabel="step h (s)")
     _slope(panels[0], 0.08, 1.5e-4, 0.002, -1, "h$^{-1}$")
     return finished(figure, panels[1], 4, "The thesis timed the building of the weights; the sum itself costs the same for every rule")
 
 
 def draw_accuracy(records: list[Record]) -> Any:
-    """Fig. 5-5 again: error against time under three clocks."""
+    """Fig. 5-5 again: error against time, timed in three ways."""
     figure, panels = plt.subplots(1, 3, figsize=(12.0, 5.6), sharey=True)
     generic = select(records, problem="fresnel_generic")
     groups = (
-        ("weights built as published,\ninside the clock (the thesis)", PUBLISHED),
-        ("weights built by basset,\ninside the clock", COLD),
+        ("weights built as published,\ntimed too (the thesis)", PUBLISHED),
+        ("weights built by basset,\ntimed too", COLD),
         ("weights cached\n(mind the scale)", CACHED),
     )
     for axes, (title, clock) in zip(panels, groups, strict=True):
@@ -386,7 +386,7 @@ def draw_accuracy(records: list[Record]) -> Any:
     low, high = panels[2].get_xlim()
     panels[2].set_xlim(low / 1.5, max(high, 20.0 * low))
     panels[0].set_ylabel("largest error over the second half of the path (s$^{-1/2}$)")
-    return finished(figure, panels[1], 6, "Error against time: with the weights at hand, digits are almost free, and the high orders give the most")
+    return finished(figure, panels[1], 6, "Error against time: with the weights cached, digits are almost free, and the high orders give the most")
 
 
 def draw_weight_errors(errors: list[Record]) -> Any:

@@ -222,7 +222,7 @@ def window_table(records: Sequence[Record]) -> str:
         rows.append([scheme, *heights, share(finest["truncation"]["length"]), signed(finest["height"]["bias"] - finest["truncation"]["height"]["bias"])])
     for r in kept_jumps(records):
         rows.append([r["scheme"], *[""] * (len(steps) - 1), share(r["height"]), share(r["length"]), "none"])
-    head = [*(f"height, dt = {step_of(step)}" for step in steps), "length, its finest dt", "height: what the step errs there"]
+    head = [*(f"height, dt = {step_of(step)}" for step in steps), "length, its finest dt", "height: error of the step there"]
     return table(["truncation alone, %", *head], rows)
 
 
@@ -567,7 +567,7 @@ def draw_windows(data: Record) -> Any:
         for dt, dash in steps.items():
             level = _known(next(r for r in records if (r["scheme"], r["method"]) == ("Exponential(2)", IMPLICIT) and np.isclose(r["size"], dt))[quantity])[0]
             axes.axhline(level, color="#999999", linewidth=0.9, linestyle=dash, zorder=1)
-            text = f"what the step errs at dt {step_of(dt)}"
+            text = f"error of the step at dt {step_of(dt)}"
             axes.annotate(
                 text, (1.0, level), xycoords=("axes fraction", "data"), xytext=(-2, 2), textcoords="offset points", ha="right", color="#666666", fontsize=8
             )

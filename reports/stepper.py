@@ -13,10 +13,10 @@ from reports.words import Record, factor, grouped, of, percent, seconds, storage
 
 SUITES = ("stepper",)
 CASES = {
-    "impacts": "ten impacts of a bouncing sphere, rtol 1e-9: Python functions over compiled ones",
-    "systems": "a thousand systems, one after the other over all at once",
-    "threads": "four thousand systems, one thread over two",
-    "fixed_steps": "a thousand fixed steps, a Python `fun` over a compiled one",
+    "impacts": "ten impacts of a bouncing sphere, rtol 1e-9: Python functions / compiled ones",
+    "systems": "a thousand systems, one after the other / all at once",
+    "threads": "four thousand systems, one thread / two",
+    "fixed_steps": "a thousand fixed steps, a Python `fun` / a compiled one",
 }
 
 
@@ -69,10 +69,10 @@ def stepper(data: dict[str, Record]) -> str:
         further=found["compiling"][1]["cold"],
         figure=save(draw_apart(found["apart"]), "stepper_parts"),
         apart=apart_table(found["apart"]),
-        saved=table(["", "takes", "over", "ratio"], saved),
+        saved=table(["", "first", "second", "ratio"], saved),
         many=table(["", "time", "steps", "per step"], [[r["case"], seconds(r["seconds"]), grouped(r["steps"]), seconds(per_step(r))] for r in (many, _, long)]),
         threads=table(
-            ["threads", "time", "per jump", "one thread over it"],
+            ["threads", "time", "per jump", "speed-up"],
             [[str(k + 1), seconds(t), seconds(t / threads["jumps"]), f"{threads['one'] / t:.2f} ×"] for k, t in enumerate((threads["one"], threads["two"]))],
         ),
         compiling=table(

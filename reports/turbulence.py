@@ -102,7 +102,7 @@ def table_of_rates(data: Record) -> str:
     for row in rates(data):
         numbers = [factor(row[name]) if row[name] is not None else "–" for name in ("bagnold", "before", "after", "both", "threshold")]
         lines.append([LAW_NAMES[row["laws"]], f"{row['particle_reynolds']:g}, {row['stage']:g}", *numbers])
-    return table(["laws", "R_p, T", "Bagnold", "before", "coupling", "both", "of it, threshold"], lines)
+    return table(["laws", "R_p, T", "Bagnold", "before", "coupling", "both", "due to the threshold"], lines)
 
 
 def draw_rates(data: Record) -> Any:

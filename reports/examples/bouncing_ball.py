@@ -32,7 +32,7 @@ def rebound(t, x, v):
 def example() -> Figure:
     """The gap under the ball from the first contact on, with history and without."""
     gap.direction, gap.jump = -1, rebound
-    t = np.linspace(5.2, 6.2, 4001)  # a fall of three metres to the last speed takes 5.4 s
+    t = np.linspace(5.2, 6.2, 4001)  # a fall of three metres, to terminal speed, takes 5.4 s
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.subplots()
     second, apex = {}, {}

@@ -1,4 +1,4 @@
-"""Coefficients as `basset sum` prints them, in a recursion that any language can repeat: the history integral as the library's own stream has it."""
+"""Coefficients as `basset sum` prints them, in a recursion that any language can repeat: the same history integral as the library's own stream."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 import basset
 from basset import reference
 
-NEAR, FAR, RTOL = 0.1, 50.0, 1e-6  # s, s; the promise of the sum
+NEAR, FAR, RTOL = 0.1, 50.0, 1e-6  # s, s; the error bound of the sum
 
 
 def recursion(c: dict, rates: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Heavy spheres in Taylor and Green's vortices, known on a grid of 32 × 32 points alone: paths as in the exact flow to 1e-4 of a vortex."""
+"""Heavy spheres in Taylor and Green's vortices, given on a grid of 32 × 32 points: paths as in the exact flow to 1e-4 of a vortex."""
 
 import numba
 import numpy as np

@@ -1,4 +1,4 @@
-"""Abraham's drag law in one line: nylon spheres settle in oil at the speeds that ten Cate et al. (2002) tell for it, at Reynolds numbers from 1.5 to 32."""
+"""Abraham's drag law in one line: nylon spheres settle in oil at the speeds that ten Cate et al. (2002) give for it, at Reynolds numbers from 1.5 to 32."""
 
 import numba
 import numpy as np

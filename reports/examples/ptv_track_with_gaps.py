@@ -1,4 +1,4 @@
-"""A particle track with a third of its frames lost: its history integral from those that are there, a hundred times as exact as with holes filled by lines."""
+"""A particle track with a third of its frames lost: its history integral from the remaining ones, a hundred times as accurate as with gaps filled by lines."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -31,12 +31,12 @@ def example() -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     above.plot(frames[seen], exact[seen], color="0.7", label="exact")
     above.plot(t[seen[kept]], found[seen[kept]], ".", markersize=3)
-    above.set(ylabel="H, m/s^(3/2)", title="A track with gaps: the frames that are there are enough")
-    below.semilogy(t[seen[kept]], error[seen[kept]], ".", color="C0", label="from the frames as they are")
-    below.semilogy(frames[seen], other[seen], ".", color="C1", label="holes filled by straight lines")
+    above.set(ylabel="H, m/s^(3/2)", title="A track with gaps: the remaining frames are enough")
+    below.semilogy(t[seen[kept]], error[seen[kept]], ".", color="C0", label="from the remaining frames")
+    below.semilogy(frames[seen], other[seen], ".", color="C1", label="gaps filled by straight lines")
     below.set(xlabel="time, s", ylabel="error / largest H", ylim=(1e-8, 1.0))
     figure.legend(loc="outside lower center", ncols=3)
-    print(f"root mean square error {typical:.0e} of the largest H; with the holes filled by lines {lines:.0e}")
+    print(f"root mean square error {typical:.0e} of the largest H; with the gaps filled by lines {lines:.0e}")
     return figure
 
 

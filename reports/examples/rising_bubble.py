@@ -1,4 +1,4 @@
-"""A clean bubble in oil comes to its last speed sooner than a hollow sphere of its size: its memory is bounded at the start and four ninths in the end."""
+"""A clean bubble in oil reaches its terminal speed sooner than a hollow sphere: its kernel is bounded at s = 0, and 4/9 of Basset's at long lags."""
 
 import mpmath
 import numba
@@ -45,12 +45,12 @@ def example() -> Figure:
         rise = basset.maxey_riley(still, (0.0, 0.1), np.zeros(3), diameter=D, density_ratio=0.0, viscosity=NU, t_eval=t, **special)
         last = 2.0 * G / RATE * (1.5 if bubble else 1.0)
         speed, truth = rise.velocity[0, :, 2].values / last, np.array([exact(time, bubble) for time in t[1::8]]) / last
-        (line,) = axes.semilogx(1e3 * t[1:], speed[1:], label=f"{name}, last speed {1e3 * last:.1f} mm/s")
+        (line,) = axes.semilogx(1e3 * t[1:], speed[1:], label=f"{name}, terminal speed {1e3 * last:.1f} mm/s")
         axes.plot(1e3 * t[1::8], truth, ".", color=line.get_color(), markersize=8)
         error = max(error, np.abs(speed[1::8] - truth).max())
     assert error < 1e-6
     axes.plot([], [], "k.", markersize=8, label="exact")
-    axes.set(xlabel="time, ms", ylabel="speed / last speed", ylim=(0.0, 1.0), title="A bubble of 1 mm in oil is sooner at its last speed than a sphere")
+    axes.set(xlabel="time, ms", ylabel="speed / terminal speed", ylim=(0.0, 1.0), title="A bubble of 1 mm reaches its terminal speed before a sphere")
     axes.legend(loc="upper left")
     print(f"within {error:.0e} of the exact speeds")
     return figure

@@ -1,4 +1,4 @@
-"""How long a glass sphere takes to its last speed in water, measured by Mordant & Pinton (2000): without the history force a third less, with it 0.9 of it."""
+"""A glass sphere's time to terminal speed in water (Mordant & Pinton 2000): a third less without the history force, 0.9 of it with."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 import basset
 
 SPHERE = {"diameter": 0.5e-3, "density_ratio": 2.56, "viscosity": 8.9e-7, "drag": "schiller_naumann"}  # SI units; Re = 41
-SPEED, TIME = 0.0741, 0.055  # measured: last speed in m/s, and s to 95 per cent of it
+SPEED, TIME = 0.0741, 0.055  # measured: terminal speed in m/s, and s to 95 per cent of it
 
 
 def still(t, x):
@@ -17,7 +17,7 @@ def still(t, x):
 def example() -> Figure:
     """Speed over the last speed in time, by three kernels, beside what was measured."""
     t = np.linspace(0.0, 0.3, 1501)
-    finite = basset.MeiAdrianKernel(SPEED, SPHERE["diameter"], SPHERE["viscosity"])  # forgets sooner, as wakes do
+    finite = basset.MeiAdrianKernel(SPEED, SPHERE["diameter"], SPHERE["viscosity"])  # decays faster at long lags, as behind a wake
     choices = {"without history": {"history": False}, "Mei and Adrian's kernel": {"kernel": finite}, "Basset's kernel": {}}
     falls = {name: basset.maxey_riley(still, (0.0, 0.3), np.zeros(3), t_eval=t, **choice, **SPHERE) for name, choice in choices.items()}
     last = -float(falls["without history"].velocity[0, -1, 2])  # weight and drag alone decide it
@@ -33,9 +33,9 @@ def example() -> Figure:
         axes.plot(1e3 * t, values, line, label=name)
     axes.plot(1e3 * TIME, 0.95, "ko", label="measured: 95 %")
     axes.annotate("55 ms", (1e3 * TIME, 0.95), xytext=(6, -12), textcoords="offset points")
-    axes.set(xlabel="time, ms", ylabel="speed / last speed", xlim=(0.0, 200.0), ylim=(0.0, 1.05), title="The history force makes a sphere settle later")
+    axes.set(xlabel="time, ms", ylabel="speed / terminal speed", xlim=(0.0, 200.0), ylim=(0.0, 1.05), title="The history force makes a sphere settle later")
     axes.legend(loc="lower right")
-    print(f"95 % of the last speed after {1e3 * reached:.1f} ms, measured {1e3 * TIME:.0f} ms, without history {1e3 * without:.1f} ms")
+    print(f"95 % of the terminal speed after {1e3 * reached:.1f} ms, measured {1e3 * TIME:.0f} ms, without history {1e3 * without:.1f} ms")
     return figure
 
 

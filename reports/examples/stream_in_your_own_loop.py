@@ -1,4 +1,4 @@
-"""A thousand spheres in an oscillating stream, in a loop of one's own: semi-implicit because H at the next node is tail + local · (its rate)."""
+"""A thousand spheres in an oscillating stream, in your own time loop: semi-implicit because H at the next node is tail + local · (its rate)."""
 
 import numpy as np
 from matplotlib.figure import Figure
