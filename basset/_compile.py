@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import hashlib
 import importlib
 import math
@@ -178,6 +179,18 @@ def reported(report: Callable[[str, float], None]) -> Iterator[None]:
         yield
     finally:
         REPORTS.remove(report)
+
+
+@contextlib.contextmanager
+def uncollected() -> Iterator[None]:
+    """Without looking for garbage meanwhile: among all that the compiler keeps, that takes as long as compiling a short function."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 class Files:
@@ -655,21 +668,6 @@ def method(name: str, arguments: int) -> Callable[..., Any]:
     return plain
 
 
-@lru_cache(maxsize=1)
-def _pointer() -> Any:
-    """A compiled function (address) -> pointer."""
-    numba = compiler()
-
-    @numba.extending.intrinsic
-    def pointer(typingctx, address):
-        def generate(context, builder, signature, arguments):
-            return builder.inttoptr(arguments[0], context.get_value_type(numba.types.voidptr))
-
-        return numba.types.voidptr(numba.types.int64), generate
-
-    return pointer
-
-
 def c_function(function: Any, args: tuple[Any, ...], table: Any, number: bool = False) -> Entry:
     """A compiled function (t, y, *args) -> rates or states, or one number, as something to `call`.
 
@@ -698,40 +696,78 @@ _FLOAT = ("a float",)
 
 
 @lru_cache(maxsize=64)
+@uncollected()
 def _c_function(function: Any, kinds: tuple[Any, ...], states: int, number: bool) -> Any:
-    import numpy as np
-
     numba = compiler()
-    array, real, pointer = numba.carray, np.float64, _pointer()
-    given, scratch = shared(lambda data: ()), 8 * len(kinds)
-    for k, kind in enumerate(kinds):
-        given = _appended(given, kind, k, array, pointer, np.int64)
+    given = _given(kinds, states, copies=not number)
 
     def vector(t, y, out, own, data):
-        copied = array(pointer(data + scratch), (states,), real)
         for a in range(states):
-            copied[a], out[a] = y[a], np.nan  # NaN: what it leaves if it raises
-        rates = function(t, copied, *given(data))
+            out[a] = math.nan  # what it leaves if it raises
+        rates = function(t, *given(y, data))
         for a in range(states):
             out[a] = rates[a]
 
     def scalar(t, y, out, own, data):
-        out[0] = np.nan
-        out[0] = function(t, array(y, (states,)), *given(data))
+        out[0] = math.nan
+        out[0] = function(t, *given(y, data))
 
     place = numba.types.CPointer(numba.types.float64)
     form = numba.types.void(numba.types.float64, place, place, place, numba.types.int64)
-    return numba.cfunc(form)(scalar if number else vector)
+    return numba.cfunc(form, pipeline_class=BARE["pipeline_class"])(scalar if number else vector)
 
 
-def _appended(given: Any, kind: tuple[Any, ...], k: int, array: Any, pointer: Any, integer: Any) -> Any:
-    """`given` and one more value, as a function of the table's address that compiled code inlines."""
-    if kind is _FLOAT:
-        return shared(lambda data: (*given(data), load(data, k)))
-    shape, value = kind[:2]
-    if shape is None:
-        return shared(lambda data: (*given(data), value))
-    return shared(lambda data: (*given(data), array(pointer(array(pointer(data + 8 * k), (1,), integer)[0]), shape, value)))
+def _given(kinds: tuple[Any, ...], states: int, copies: bool) -> Any:
+    """What a function gets besides t, of the state's address and the table's: as one intrinsic, since each function compiled on the way costs 20 ms."""
+    import numpy as np
+    from llvmlite import ir
+
+    numba = compiler()
+    word, shapes = ir.IntType(64), (((states,), np.dtype(np.float64)), *kinds)
+
+    @numba.extending.intrinsic
+    def given(typingctx, y, data):
+        def type_of(kind):
+            if kind is _FLOAT:
+                return numba.types.float64
+            if kind[0] is None:
+                return typingctx.resolve_value_type(kind[1])
+            return numba.types.Array(numba.from_dtype(kind[1]), len(kind[0]), "C")
+
+        types = [type_of(kind) for kind in shapes]
+
+        def generate(context, builder, signature, addresses):
+            state, table = addresses
+
+            def cell(k, form):
+                place = builder.add(table, ir.Constant(word, 8 * k))
+                return builder.inttoptr(place, form.as_pointer())
+
+            def array(form, shape, pointer):
+                made = context.make_array(form)(context, builder)
+                size = context.get_abi_sizeof(context.get_data_type(form.dtype))
+                strides = [size * math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
+                words = [[ir.Constant(word, number) for number in numbers] for numbers in (shape, strides)]
+                numba.np.arrayobj.populate_array(made, pointer, *words, ir.Constant(word, size), None)
+                return made._getvalue()
+
+            def value(k, kind, form):
+                if kind is _FLOAT:
+                    return builder.load(cell(k, ir.DoubleType()))
+                if kind[0] is None:
+                    return context.get_constant_generic(builder, form, kind[1])
+                return array(form, kind[0], builder.load(cell(k, context.get_data_type(form.dtype).as_pointer())))
+
+            if copies:
+                copied = cell(len(kinds), ir.DoubleType())
+                numba.core.cgutils.raw_memcpy(builder, copied, state, ir.Constant(word, states), 8)
+                state = copied
+            values = [array(types[0], (states,), state), *(value(k, kind, form) for k, (kind, form) in enumerate(zip(kinds, types[1:], strict=True)))]
+            return context.make_tuple(builder, signature.return_type, values)
+
+        return numba.types.Tuple(types)(y, data), generate
+
+    return given
 
 
 class Callbacks:
