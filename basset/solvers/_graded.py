@@ -12,7 +12,7 @@ import numpy as np
 
 from basset._compile import filled, invoke, is_compiled, placed
 from basset.exponentials import ExponentialSum, _geometric, _has_geometric
-from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel, gauss_legendre
+from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
@@ -127,7 +127,7 @@ class Integration:
         self.state = self.state._replace(past=np.zeros((m, len(self.tail) if self.tail else 0)))
         self.events = events.events_of(task.events, n, 2 * count + 2)
         rates = np.array(self.tail.rates) if self.tail is not None else np.empty(0)
-        self.truncation = stepper.Truncation(rates, *gauss_legendre(QUADRATURE), DECAYED, np.zeros(count + 1))
+        self.truncation = stepper.truncation_of(rates, QUADRATURE, DECAYED, count)
         self.work = stepper.workspace(count, n)
         self.values, self.record = np.zeros((count, n)), self.record_of(64)
         self.bound: tuple[Any, ...] | None = None  # arguments of `march`, None when they have changed

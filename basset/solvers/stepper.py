@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basset._compile import call, compiled, entry, record_type, separate, shared
-from basset.kernels import Floats
+from basset.kernels import Floats, gauss_legendre
 from basset.solvers import events
 from basset.solvers.events import all_at
 from basset.spectrum import Following, log_stretch_of, weight_ratio
@@ -141,6 +141,8 @@ class Truncation(NamedTuple):
     x: Floats
     w: Floats
     decayed: float
+    factors: Floats  # (point,), overwritten
+    polynomials: Floats  # (2, stages + 1, point), overwritten: Legendre polynomials and their slopes
     sums: Floats  # (stages + 1,), overwritten
 
 
@@ -948,42 +950,46 @@ def at(polynomial: Floats, y: Floats, kind: int, theta: float, a: int) -> float:
 
 
 @separate
+def legendre_at(places: Floats, width: float, root: float, degrees: int, legendre: Floats) -> None:
+    """Legendre polynomials and their slopes at 2 root (1 − width·places) − 1; the places are innermost: divisions side by side cost a fourth."""
+    for p in range(len(places)):
+        legendre[0, 0, p], legendre[0, 1, p] = 1.0, 2.0 * (1.0 - width * places[p]) * root - 1.0
+        legendre[1, 0, p], legendre[1, 1, p] = 0.0, 1.0
+    for d in range(2, degrees):
+        for p in range(len(places)):
+            legendre[0, d, p] = ((2 * d - 1) * legendre[0, 1, p] * legendre[0, d - 1, p] - (d - 1) * legendre[0, d - 2, p]) / d
+        for p in range(len(places)):
+            legendre[1, d, p] = legendre[1, d - 2, p] + (2 * d - 1) * legendre[0, d - 1, p]
+
+
+@separate
 def truncate_memory(where: Any, nodes: Nodes, truncation: Truncation, state: State, h: float, theta: float, kind: int, values: Floats) -> None:
     """Advance the exponentials to θ of the step, their moments by Gauss's rule over the last decay times."""
     count, members = len(nodes.c), len(where)
     basis = nodes.singular if kind == 1 else nodes.regular
     degrees = len(basis)
-    sums = truncation.sums
+    root = math.sqrt(theta) if kind == 1 else theta
+    factors, legendre, sums, tabulated = truncation.factors, truncation.polynomials, truncation.sums, 0.0
     rates, past, jump, nodes_x, nodes_w = truncation.rates, state.past, state.jump, truncation.x, truncation.w
     for q in range(len(rates)):
         z = rates[q] * h * theta
         share = min(1.0, truncation.decayed / z) if z > 0.0 else 1.0
         low = math.sqrt(max(0.0, 1.0 - share))
         width = share / (1.0 + low) if kind == 1 else share
-        for d in range(degrees):
-            sums[d] = 0.0
+        if width != tabulated:  # slow terms see the same places
+            legendre_at(nodes_x, width, root, degrees, legendre)
+            tabulated = width
         for p in range(len(nodes_x)):
             position = 1.0 - width * nodes_x[p]
             if kind == 1:
-                factor = 2.0 * width * nodes_w[p] * math.sqrt(theta) * math.exp(-z * (1.0 - position) * (1.0 + position))
-                x = 2.0 * position * math.sqrt(theta) - 1.0
-                older, newer, slope = 1.0, x, 1.0  # P_0, P_1, P_1'
-                before = 0.0
-                sums[1] += factor
-                for d in range(2, degrees):
-                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-                    before, slope = slope, before + (2 * d - 1) * older  # P_d' = P_(d−2)' + (2d − 1) P_(d−1)
-                    sums[d] += factor * slope
+                factors[p] = 2.0 * width * nodes_w[p] * root * math.exp(-z * (1.0 - position) * (1.0 + position))
             else:
-                factor = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
-                x = 2.0 * position * theta - 1.0
-                older, newer = 1.0, x
-                sums[0] += factor
-                if degrees > 1:
-                    sums[1] += factor * x
-                for d in range(2, degrees):
-                    older, newer = newer, ((2 * d - 1) * x * newer - (d - 1) * older) / d
-                    sums[d] += factor * newer
+                factors[p] = width * nodes_w[p] * h * theta * math.exp(-z * width * nodes_x[p])
+        for d in range(degrees):
+            total = 0.0
+            for p in range(len(nodes_x)):
+                total += factors[p] * legendre[kind, d, p]
+            sums[d] = total
         decay = math.exp(-z)
         for a in range(members):
             past[a, q] = decay * (past[a, q] + (jump[a] if kind == 1 else 0.0))
@@ -1124,6 +1130,11 @@ def march(attempt, watch, watching, p, logged, most, record, recording):
         if code not in (ACCEPTED, FULL):
             return code, done
     return FULL, done
+
+
+def truncation_of(rates: Floats, points: int, decayed: float, stages: int) -> Truncation:
+    """Gauss points for the moments of truncated steps, and room."""
+    return Truncation(rates, *gauss_legendre(points), decayed, np.zeros(points), np.zeros((2, stages + 1, points)), np.zeros(stages + 1))
 
 
 def workspace(stages: int, states: int, diagonal: bool = False) -> Workspace:

@@ -11,7 +11,7 @@ import numpy as np
 
 from basset._compile import placed
 from basset.exponentials import ExponentialSum, _geometric
-from basset.kernels import BassetKernel, Floats, gauss_legendre
+from basset.kernels import BassetKernel, Floats
 from basset.solvers import stepper
 from basset.solvers._tables import StepTables, following, stages_of, tables_of
 from basset.spectrum import STAYS, Following
@@ -191,7 +191,7 @@ class Engine:
         self.problem = stepper.Problem(end, span, span, least, tolerance, ATOL * tolerance, 10**12, where, strength, **rest)
         points = 16 if rtol >= 1e-6 else 48
         self.rates = np.array(self.tables.tail.rates) if self.tables.tail is not None else np.empty(0)
-        self.truncation = stepper.Truncation(self.rates, *gauss_legendre(points), 16.0 if rtol >= 1e-6 else 40.0, np.zeros(stages + 1))
+        self.truncation = stepper.truncation_of(self.rates, points, 16.0 if rtol >= 1e-6 else 40.0, stages)
         shortest_hop, patience = layout.SHORTEST_FLIGHT, PATIENCE
         if scene.rests is not None:  # up to the rise and back by weight alone
             shortest_hop, patience = max(shortest_hop, 2.0 * math.sqrt(2.0 * scene.rests.rise * numbers.shields / numbers.alpha)), 1.0
