@@ -69,10 +69,10 @@ def history(content):
 
 CASES = {
     "an integral to 1e-9 by van Hinsberg's rule, over `Daitche(order=8)`": many_samples,
-    "32 000 steps by a sum over the whole past, over `Exponential(3, 1e-6)`": long_memory,
+    "32 000 steps by the direct sum over the whole past, over `Exponential(3, 1e-6)`": long_memory,
     "a sphere with initial slip to 2e-3 by fixed steps, over `Collocation` to 1e-9": initial_slip,
     "a jump of sand with Basset's history force, over one without": lambda: history(case("sand")),
-    "the same with the kernel of finite Reynolds numbers that the shipped sand takes": lambda: history(read("sand")),
+    "the same with the finite-Reynolds kernel of the shipped sand scene": lambda: history(read("sand")),
 }
 
 

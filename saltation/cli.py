@@ -96,7 +96,7 @@ class Commands(_command.Commands):
 @click.group(cls=Commands)
 @click.version_option(__version__, package_name="basset")
 def main() -> None:
-    """Sand grains hopping over a river bed, with the history force."""
+    """Simulate sand grains that hop over a river bed, with the history force."""
 
 
 # Scenes
@@ -151,7 +151,7 @@ def changed(content: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
     return copy
 
 
-SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE", help="Change a field of the scene; an empty value takes it out.")
+SET = click.option("--set", "changes", multiple=True, metavar="TABLE.FIELD=VALUE", help="Change a field of the scene; an empty value removes it.")
 
 
 def on_scene(command: Callable[..., None]) -> Callable[..., None]:
@@ -169,15 +169,15 @@ def made_of(scene: str, changes: Sequence[str]) -> Scene:
 
 @main.command("run")
 @click.argument("scene")
-@click.option("--output", type=click.Path(path_type=Path), help="Where the result goes: a netCDF file, or the jumps as CSV; for many grains a folder.")
+@click.option("--output", type=click.Path(path_type=Path), help="Result: a netCDF file, or a CSV file of the jumps; for many grains a folder.")
 @click.option("--force", is_flag=True, help="Overwrite the output; for many grains: start anew.")
 @SET
-@click.option("--quiet", is_flag=True, help="Print nothing but mistakes and failures.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], quiet: bool) -> None:
-    """Simulate SCENE, a TOML file or the name of a shipped scene.
+    """Simulate SCENE. It is a TOML file or the name of a shipped scene.
 
-    A run of many grains (a scene with a [cloud]) with --output is written as it goes: stopped in any way, the same command goes
-    on from there.
+    A run of many grains (a scene with a [cloud]) is written to --output while it proceeds: if it is stopped in any way, the same
+    command goes on from there.
     """
     from saltation.scene import AUTO
 
@@ -193,7 +193,7 @@ def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], 
                 made = front.resolved(made, None, None if force else folder, report)
         if force and folder is not None:
             remove_earlier_run(folder)
-        with shown("flying", quiet) as report:
+        with shown("simulating", quiet) as report:
             result = saltation.run(made, report, folder)
     if output is not None and folder is None:
         with stoppable(None), mistakes_of_files("--output"):
@@ -225,7 +225,7 @@ def shown(what: str, quiet: bool) -> Any:
 @main.command()
 @on_scene
 def check(scene: str, changes: tuple[str, ...]) -> None:
-    """What SCENE means: its numbers, what will be computed and what not, and warnings."""
+    """Show what a run of SCENE would compute. Also its dimensionless numbers, what is left out, and warnings."""
     out, made = console(), made_of(scene, changes)
     print_table(out, ("number", "value", "meaning"), ((number.symbol, f"{number.value:.5g}", number.meaning) for number in checks.numbers(made)))
     out.print("\ncomputed")
@@ -238,7 +238,7 @@ def check(scene: str, changes: tuple[str, ...]) -> None:
 @main.command()
 @on_scene
 def advise(scene: str, changes: tuple[str, ...]) -> None:
-    """Which effects SCENE calls for, from its dimensionless numbers: each with the reason and the source."""
+    """Estimate which effects matter in SCENE. From its dimensionless numbers, each with reason and source."""
     out, made = console(), made_of(scene, changes)
     rows = ((row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source) for row in advice.advise(made))
     print_table(out, ("effect", "in the scene", "share", "", "why", "source"), rows)
@@ -250,11 +250,11 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
 
 @main.command()
 @on_scene
-@click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative standard error of the mean height.")
-@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--error", type=float, default=0.01, show_default=True, help="Relative standard error of the mean height to reach.")
+@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the figure (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
-    """Run SCENE with each of its effects left out: what each changes in H, L and ū, and what it costs in time."""
+    """Measure what each effect of SCENE changes. By runs without each in turn: mean height, length and velocity, and the cost in time."""
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("leaving out", TimeElapsedColumn()) as report:
         table = advice.ablate(made, error=error, progress=report)
@@ -265,14 +265,14 @@ def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | No
 
 @main.command()
 @on_scene
-@click.option("--error", type=float, default=0.02, show_default=True, help="Wanted relative standard error of the mean height.")
-@click.option("--combined", is_flag=True, help="Also every choice with every other: some hundred runs more.")
-@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--error", type=float, default=0.02, show_default=True, help="Relative standard error of the mean height to reach.")
+@click.option("--combined", is_flag=True, help="Also all combinations of the choices: some hundred runs more.")
+@click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the figure (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bool, output: Path | None, force: bool) -> None:
-    """The spread over the choices of SCENE that measurement has not settled, beside the standard error.
+    """Vary the open modelling choices of SCENE. Shows the spread of the mean jump over what measurements leave open, beside its standard error.
 
-    One at a time: profile of the stream, range of contact angles, restitution, kernel, treatment of the history force at impacts.
+    One at a time: velocity profile, range of contact angles, restitution, kernel, treatment of the history force at impacts.
     """
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("varying", TimeElapsedColumn()) as report:
@@ -289,13 +289,13 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
 
 @main.command("scheme")
 @on_scene
-@click.option("--error", type=float, default=0.01, show_default=True, help="Wanted relative error of mean height, length and speed.")
-@click.option("--dt", type=float, help="A given step (d/u*): schemes at fixed steps alone.")
-@click.option("--seconds", type=float, help="CPU time that the scene's run may take (s): the most exact within it.")
+@click.option("--error", type=float, default=0.01, show_default=True, help="Relative error of mean height, length and velocity to keep.")
+@click.option("--dt", type=float, help="Fixed step to use (d/u*); collocation is then left out.")
+@click.option("--seconds", type=float, help="CPU time that the run may take (s): choose the most accurate within it.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The ranking (JSON, with the scene; CSV) or the diagram (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float | None, seconds: float | None, output: Path | None, force: bool) -> None:
-    """Which history scheme and solver give SCENE's mean jumps to a wanted error in the least time, measured on the scene itself.
+    """Find the fastest history scheme for SCENE. It and its solver compute the mean jump to a given error in the least time, by runs of SCENE.
 
     Prints the lines for the scene file.
     """
@@ -319,12 +319,14 @@ def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float 
 @click.argument("record", type=click.Path(path_type=Path))
 @on_scene
 @click.option("--fit", "fields", multiple=True, metavar="FIELD[=LOW,HIGH]", help="Fit a numeric field of the scene (bed.restitution), `time` or `zero`.")
-@click.option("--columns", metavar="NAMES", help="What the columns of RECORD are, in place of its own names: 't (ms),gap (mm)'.")
+@click.option("--columns", metavar="NAMES", help="Names of the columns of RECORD, in place of its own: 't (ms),gap (mm)'.")
 @click.option("--from", "start", type=float, help="The record's time at which the scene starts (s).  [default: its first time]")
-@click.option("--contact", type=float, help="Instead: the record's time of the first contact (s).")
-@click.option("--until", type=float, help="Leave out what is later (s).")
-@click.option("--error", "errors", multiple=True, metavar="[QUANTITY=]SD", help="Standard deviation of the noise (m, m/s).  [default: seen in the record]")
-@click.option("--output", type=click.Path(path_type=Path), help="Record and model (CSV) or the picture (PNG, PDF, SVG).")
+@click.option("--contact", type=float, help="Instead of --from: the record's time of the first contact (s).")
+@click.option("--until", type=float, help="Leave out later samples (s).")
+@click.option(
+    "--error", "errors", multiple=True, metavar="[QUANTITY=]SD", help="Standard deviation of the noise (m, m/s).  [default: estimated from the record]"
+)
+@click.option("--output", type=click.Path(path_type=Path), help="Record and model (CSV) or the figure (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def compare(
     record: Path,
@@ -339,19 +341,19 @@ def compare(
     output: Path | None,
     force: bool,
 ) -> None:
-    """Compare RECORD, a measured motion of one grain, with the flight of SCENE, and fit fields of the scene to it, with their intervals.
+    """Compare a measured motion with SCENE. RECORD is the motion of one grain; fields of the scene can be fitted to it, with confidence intervals.
 
-    RECORD is a table of text or netCDF-3: times, and one or more of x, y, z (of the centre), gap (from the bed to the grain), u, v, w (along,
-    across, up), speed, depth, fall velocity, each under its name, with its unit or in SI. `time` fits by how many seconds the record's
-    clock is late, `zero` how many metres its zero of heights lies below the bed.
+    RECORD is a text table or a netCDF-3 file: times, and one or more of x, y, z (of the centre), gap (between bed and grain), u, v, w
+    (velocity along the stream, across, up), speed, depth, fall velocity; columns are found by these names, with a unit or in SI. `time` fits
+    by how many seconds the record's clock is late, `zero` by how many metres its zero of heights lies below the bed.
     """
     check_table_or_picture(output, force, record)
     if start is not None and contact is not None:
-        raise Mistake("--from and --contact exclude each other: the one follows from the other by the flight of the scene")
+        raise Mistake("--from and --contact exclude each other: each follows from the other by the simulation")
     made, fit = made_of(scene, changes), dict(map(range_of, fields))
     names = [name.strip() for name in columns.split(",")] if columns is not None else []
     try:
-        with stoppable(None), mistakes_of_files("RECORD"), progress("fitting" if fit else "flying", TimeElapsedColumn()) as report:
+        with stoppable(None), mistakes_of_files("RECORD"), progress("fitting" if fit else "simulating", TimeElapsedColumn()) as report:
             found = comparison.compare(record, made, fit, columns=names, start=start, contact=contact, until=until, error=noise_of(errors), progress=report)
     except (TypeError, ValueError) as error:
         raise Mistake(str(error)) from None
@@ -417,26 +419,30 @@ def deliver(output: Path | None, table: str, picture: Callable[[], Any]) -> None
 
 @main.command()
 def schema() -> None:
-    """The JSON schema of a scene."""
+    """Print the JSON schema of a scene. It has all fields, with units and defaults."""
     click.echo(json.dumps(Scene.model_json_schema(), indent=2, ensure_ascii=False))
 
 
 @main.command()
 def scenes() -> None:
-    """The scenes that come with the package."""
+    """List the scenes of the package."""
     print_table(console(), (), ((name, path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")) for name, path in shipped().items()))
 
 
 @main.command()
 @click.argument("what", nargs=-1, required=True, metavar="thesis|grains|turbulence|SCENE...")
-@click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder of the tables and of what is finished.")
+@click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder for the tables and the finished runs.")
 @SET
-@click.option("--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; several: all combinations.")
+@click.option(
+    "--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; if given several times, with all combinations."
+)
 @click.option("--workers", type=int, help="Number of processes.  [default: all cores]")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a dask cluster instead.")
-@click.option("--rank", is_flag=True, help="Rank your own models too: by published regressions, or by --reference.")
-@click.option("--reference", type=click.Path(path_type=Path), help="Measured means to rank by (CSV: variable, T, mean, sd, n, source).")
-@click.option("--reference-particle-reynolds", "reference_reynolds", type=float, default=73.0, show_default=True, help="R_p that the reference is for.")
+@click.option("--rank", is_flag=True, help="Rank your own models too, against published regressions or --reference.")
+@click.option("--reference", type=click.Path(path_type=Path), help="Measured means to rank against (CSV: variable, T, mean, sd, n, source).")
+@click.option(
+    "--reference-particle-reynolds", "reference_reynolds", type=float, default=73.0, show_default=True, help="R_p of the measurements in --reference."
+)
 def campaign(
     what: tuple[str, ...],
     output: Path,
@@ -448,10 +454,13 @@ def campaign(
     reference: Path | None,
     reference_reynolds: float,
 ) -> None:
-    """Run many scenes: the thesis's 256 and rank them, its 24 of many grains and compare them, 240 with and without turbulence and coupling, or your own files.
+    """Run many scenes. They are a series of this package, or your own SCENE files.
 
-    What is finished is kept in the output folder: stopped in any way, the same command goes on from there. `grains` and `turbulence`
-    also keep all that each run leaves, in the folder `runs`.
+    `thesis`: the thesis's 256 runs of one grain, ranked. `grains`: its 24 runs of many grains, compared. `turbulence`: 240 runs with and
+    without turbulence and two-way coupling.
+
+    Finished runs are kept in the output folder: if it is stopped in any way, the same command goes on from there. `grains` and
+    `turbulence` also keep the full result of each run, in the folder `runs`.
     """
     if workers is not None and workers < 1:
         raise Mistake(f"--workers must be a whole number, 1 or greater, got {workers}")
@@ -478,7 +487,7 @@ def campaign(
         elif what[0] == "thesis" or rank or measured is not None:
             try:
                 if table["stage"].isna().any():
-                    raise ValueError("it needs a stream in every scene")
+                    raise ValueError("every scene needs a [channel]")
                 ranking = thesis.judge(table, measured, particle_reynolds=reference_reynolds, models=models)
             except ValueError as error:
                 raise Mistake(f"written: {named(output / 'table.csv')}; no ranking: {error}") from None
@@ -501,11 +510,11 @@ def campaign(
 
 @main.command()
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option("--figure", "names", multiple=True, metavar="NAME", help="Which; default all that the result allows.")
-@click.option("--output", type=click.Path(path_type=Path), help="The picture, PNG, PDF or SVG; several figures: NAME is added to each.")
-@click.option("--animate", "film", type=click.Path(path_type=Path), help="A GIF of many grains in their box, instead of figures or with those named.")
+@click.option("--figure", "names", multiple=True, metavar="NAME", help="Figure to draw.  [default: all that the result allows]")
+@click.option("--output", type=click.Path(path_type=Path), help="The figure (PNG, PDF, SVG); of several, NAME is added to each file.")
+@click.option("--animate", "film", type=click.Path(path_type=Path), help="Write an animation (GIF) of many grains, instead of figures or with those named.")
 def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path | None) -> None:
-    """Draw figures of RESULT, a file that `saltation run --output` wrote, or the folder of a run of many grains."""
+    """Draw figures of RESULT. It is a file written by `saltation run --output`, or the folder of a run of many grains."""
     from saltation.plots import plots_of
 
     known = list(plots_of(cloud=False) | plots_of(cloud=True))
@@ -545,7 +554,7 @@ def plot(result: Path, names: tuple[str, ...], output: Path | None, film: Path |
 @main.command()
 @click.argument("names", nargs=-1, metavar="[SCENE]...")
 def warmup(names: tuple[str, ...]) -> None:
-    """Compile ahead what runs of each SCENE need (default: the scenes that come with the package): they then start at once."""
+    """Compile in advance. Runs of each SCENE then start at once; default: the scenes of the package."""
     made = {name: scene_of(read(name)) for name in names or shipped()}  # mistakes first
     with stoppable(None):
         for name, scene in made.items():
@@ -715,7 +724,7 @@ def print_result(result: Result) -> None:
     """Summary, bed load or how often grains meet, and what to be wary of."""
     out, known, cloud, unit = console(), result.provenance, result.scene.cloud, result.scene.numbers.unit("d/u*")
     many = f"{cloud.number} grains, {result.time:.4g} {unit}, " if cloud is not None else ""
-    out.print(f"{result.status}: {result.message}; {many}{len(result.jumps)} jumps count")
+    out.print(f"{result.status}: {result.message}; {many}{len(result.jumps)} jumps counted")
     if len(result.jumps):
         print_summary(out, result)
     if cloud is not None:
@@ -730,7 +739,7 @@ def print_result(result: Result) -> None:
         out.print(f"{number} grains ended {fate}")
     if cloud is None and known["stokes"] is not None:
         low, high = known["stokes"]
-        out.print(f"impacts: {known['clipped']:.0%} clipped at 30°, {known['creeping']:.0%} creeping, Stokes number {low:.3g} to {high:.3g}")
+        out.print(f"impacts: {known['clipped']:.0%} clipped to 30°, {known['creeping']:.0%} of jumps below 0.1 d, Stokes number {low:.3g} to {high:.3g}")
     for text in known["outside_validity"]:
         out.print(f"warning: {text}")
 
@@ -754,7 +763,7 @@ def print_rests(out: Console, result: Result) -> None:
         lasted, unit = result.rests["duration"], result.scene.numbers.unit("d/u*")
         told = f" of {lasted.mean():.3g} {unit} on average" if len(lasted) else ""
         share = f", {result.resting():.3g} grains at rest per moving one" if result.path is not None or result.scene.cloud is None else ""
-        out.print(f"{len(lasted)} rests came to an end{told}{share}")
+        out.print(f"{len(lasted)} completed rests{told}{share}")
 
 
 def print_coupling(out: Console, result: Result) -> None:
@@ -764,7 +773,7 @@ def print_coupling(out: Console, result: Result) -> None:
         return
     stream = {str(name): float(value) for name, value in result.coupled().data_vars.items() if not value.dims}
     out.print(
-        f"coupling: {made.runs} runs, stresses of stream and grains add up to {made.change:.1g} ρu*²; at the bed grains carry "
+        f"coupling: {made.runs} runs, stresses of stream and grains add up within {made.change:.1g} ρu*²; at the bed grains carry "
         f"{stream['bed_stress']:.3g} ρu*², {stream['moving_grains']:.3g} moving per m²"
     )
     out.print(
@@ -776,10 +785,10 @@ def print_choice(out: Console, scene: Scene) -> None:
     """What effects = "auto" came to."""
     found = scene.chosen
     if found is not None and found.status != "finished":
-        out.print(f"effects: all kept, with them the run to choose by ended {found.status}")
+        out.print(f"effects: all kept, because the run with all of them ended {found.status}")
     elif found is not None:
         gone = ", ".join(f"{name} (changes less than {found.bounds[name]:.1%})" if name in found.bounds else name for name in found.left_out)
-        out.print(f"effects: {', '.join(found.kept)}; left out within {found.tolerance:.0%}: {gone or 'nothing'}; {found.jumps} jumps to find out")
+        out.print(f"effects: {', '.join(found.kept)}; left out within {found.tolerance:.0%}: {gone or 'nothing'}; {found.jumps} jumps simulated to choose")
 
 
 def print_summary(out: Console, result: Any) -> None:
@@ -824,7 +833,7 @@ def print_comparison(out: Console, found: comparison.Comparison) -> None:
     for name, row in found.misfit.iterrows():
         numbers = (f"{row[key]:.3g}" if math.isfinite(row[key]) else "–" for key in ("rms", "largest", "noise"))
         rows.append((str(name), str(row["points"]), *numbers, row["unit"]))
-    print_table(out, ("quantity", "points", "rms off", "largest", "noise", "unit"), rows)
+    print_table(out, ("quantity", "points", "rms residual", "largest", "noise", "unit"), rows)
     if len(found.fitted):
         out.print()
         rows = []
@@ -832,7 +841,7 @@ def print_comparison(out: Console, found: comparison.Comparison) -> None:
             pairs = [f"{_within(row, low)} to {_within(row, high)}" for low, high in (("low", "high"), ("blocks_low", "blocks_high"))]
             rows.append((str(name), _within(row, "value"), *pairs, f"{row['least']:.4g} to {row['most']:.4g}", row["unit"]))
         print_table(out, ("fitted", "value", "95 % interval", "from blocks of residuals", "searched", "unit"), rows)
-    out.print(f"\nheld: {', '.join(f'{name} = {value}' for name, value in found.held.items())}")
+    out.print(f"\nnot fitted: {', '.join(f'{name} = {value}' for name, value in found.held.items())}")
     for note in found.notes:
         out.print(f"\nnote: {note}")
 
@@ -851,7 +860,7 @@ def print_combinations(out: Console, table: pd.DataFrame, scene: Scene) -> None:
     from saltation.results.tables import UNITS
 
     names = statistics.VARIABLES
-    rows = [(f"{quantile:.0%} of them lie below", *(f"{row[name]:.3g}" for name in names)) for quantile, row in choices.extent(table).iterrows()]
+    rows = [(f"{quantile:.0%} quantile", *(f"{row[name]:.3g}" for name in names)) for quantile, row in choices.extent(table).iterrows()]
     rows += [(f"share of {choice} in the spread", *(f"{row[name]:.0%}" for name in names)) for choice, row in choices.shares(table).iterrows()]
     print_table(out, ("", *(f"{name} ({scene.numbers.unit(UNITS[name][0])})" for name in names)), rows)
 

@@ -1,4 +1,4 @@
-"""What users call: a run and a campaign, effects = "auto" chosen before they begin."""
+"""The public functions `run` and `campaign`: effects = "auto" is resolved before anything runs."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ def run(
     Parameters
     ----------
     scene : Scene
-        From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" they are first chosen by
-        `saltation.study.effects.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` holds the evidence.
+        From `saltation.load` or `saltation.Scene.model_validate`. With effects = "auto" the effects are first chosen by
+        `saltation.study.effects.choose`, for a [cloud] over the executor, else here; `result.scene.chosen` records the choice.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).
     output : path, optional
-        For a [cloud] only: a folder, made if missing, to which the run writes numbered parts as it goes, so that its memory does
-        not grow. Stopped in any way, the same call goes on from the last part and comes to the same bits.
+        For a [cloud] only: a folder, made if missing, to which the run writes numbered parts while it proceeds, so that memory use does
+        not grow. If it is stopped in any way, the same call goes on from the last part, to a bit-identical result.
     executor : concurrent.futures.Executor, optional
-        For a [cloud] only, and without output: grains that do not meet fly in blocks over its workers, grains that do as one
-        task; the same bits as here.
+        For a [cloud] only, and without output: without encounters, blocks of grains run in its workers; with encounters, all grains
+        as one task; the result is bit-identical.
 
     Returns
     -------
     Result
-        With a status: finished, at rest, creeping, aloft, horizon, failed or unsettled, and all that was done up to there.
+        With a status (finished, at rest, creeping, aloft, horizon, failed or unsettled; see `Result`) and all that was computed until the end.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def run(
     ('finished', 5)
     """
     if scene.cloud is not None and executor is not None and output is not None:
-        raise ValueError("give either an output or an executor: blocks of grains have no parts in common")
+        raise ValueError("give either an output or an executor: blocks of grains cannot be written as parts of one run")
     if scene.cloud is None and executor is not None:
         raise ValueError("executor needs a multi-grain scene; use saltation.campaign(scenes, executor) for several scenes")
     if scene.cloud is None and output is not None:
@@ -93,19 +93,19 @@ def campaign(
     Parameters
     ----------
     scenes : iterable of Scene or of (dict, Scene)
-        A dictionary holds labels, which become columns. Scenes with effects = "auto" are first chosen one after the other, over
-        the same executor.
+        A dictionary holds labels, which become columns. For scenes with effects = "auto" the effects are first chosen, scene by scene,
+        over the same executor.
     executor : concurrent.futures.Executor, optional
-        Also a dask client's `get_executor()`, or threads. Default: processes on all cores, started
-        afresh, so that a script that calls this needs its `if __name__ == "__main__":`; those that are killed are replaced.
+        Any executor, also a dask client's `get_executor()`, or threads. Default: spawned processes on all cores, so that a script
+        that calls this needs its `if __name__ == "__main__":`; processes that are killed are replaced.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).
     store : path, optional
         A folder, made if missing. Each finished scene is kept there as a file of its own, written whole or not at all; the
-        same scenes with the same store go on where they were stopped, however that was. Files that cannot be read are ignored.
+        a call with the same scenes and store goes on where the last one stopped. Files that cannot be read are ignored.
     results : path, optional
-        A folder, made if missing, to which this process writes all that each run leaves as `<name>.nc`, for `saltation.open`;
-        `name` is a label, another one for each run. Without, paths are not kept; with, as run.trajectory says.
+        A folder, made if missing, to which this process writes the full result of each run as `<name>.nc`, for `saltation.open`;
+        `name` is a label that must differ from run to run. Paths are stored only here, if run.trajectory is true.
 
     Returns
     -------

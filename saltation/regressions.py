@@ -1,7 +1,7 @@
 """Published regressions of saltation in water, and bed-load formulas: what a run is measured against.
 
 Heights and lengths are in grain diameters d, speeds in shear velocities u*, bed load is the Einstein number
-q* = q/√(R g d³). All constants are quoted at second hand: none of the papers was at hand.
+q* = q/√(R g d³). All constants are taken from secondary sources, not from the papers themselves.
 """
 
 from __future__ import annotations

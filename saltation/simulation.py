@@ -45,14 +45,14 @@ PART = 2**19  # kept positions in a part of a run: 25 MB
 SLICE = 4096  # grains × sampling intervals between two reports of progress
 STATUS = {  # by code: status and message of a result
     layout.JUMPS: ("finished", "all jumps are done"),
-    stepper.END: ("finished", "the time is over"),
+    stepper.END: ("finished", "run.duration is reached"),
     layout.REST: ("at rest", "the grain lies still: impacts follow each other without flight"),
     layout.ALOFT: ("aloft", "flight time exceeded run.longest_flight (grain suspended)"),
-    layout.HORIZON: ("horizon", "the run outlasted history.horizon: leave it out, and the memory follows the flights, or set it longer"),
-    stepper.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be had"),
+    layout.HORIZON: ("horizon", "the run lasts longer than history.horizon: leave that out, so that it grows with the run, or set it longer"),
+    stepper.TOO_SMALL: ("failed", "the step size fell below its floor: the accuracy asked for cannot be reached"),
     stepper.NOT_FINITE: ("failed", "a rate was not finite, or the stages did not converge"),
     stepper.TOO_MANY: ("failed", "too many steps"),
-    collisions.UNTIL: ("finished", "the time is over"),
+    collisions.UNTIL: ("finished", "run.duration is reached"),
     collisions.PILE_UP: ("pile-up", "a grain had more than encounters.pile_up encounters within one d/u*"),
 }
 

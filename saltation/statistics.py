@@ -1,4 +1,4 @@
-"""Statistics of jumps: means with errors that know of correlation, agreement with measurements, ranks, diffusion.
+"""Statistics of jumps: means with standard errors for correlated jumps, agreement with measurements, ranks, diffusion.
 
 A table of jumps has one row per jump, in the order in which they happened. Successive jumps of a grain are correlated, so
 standard errors come from blocks of jumps. Lengths are in grain diameters d, velocities in u*, times in d/u*.
@@ -360,7 +360,7 @@ def mean_rank(scores: pd.DataFrame | pd.Series, ascending: bool | Mapping[str, b
 
 
 def displacements(time: ArrayLike, positions: ArrayLike, starts: ArrayLike, lags: ArrayLike) -> Floats:
-    """How far one grain has come at each lag after each start, (starts, lags, k) in d; between samples it is taken to move straight.
+    """Displacements of one grain at each lag after each start, (starts, lags, k) in d, by linear interpolation between samples.
 
     `time` (samples,) in d/u* must not decrease, but may stand still (at a rebound); `positions` (samples, k) in d, not folded back into a periodic box.
 
@@ -424,7 +424,7 @@ def fit_exponent(lags: ArrayLike, moments: ArrayLike, low: float, high: float) -
     chosen = _in_range(t, low, high)
     if not (m[chosen] > 0.0).all():
         worst = m[chosen].min()
-        raise ValueError(f"moments must be greater than 0 between the lags {low:g} and {high:g}, got {worst:g}: what does not scatter has no exponent")
+        raise ValueError(f"moments must be greater than 0 between the lags {low:g} and {high:g}, got {worst:g}: without spreading there is no exponent")
     x, y = np.log(t[chosen]), np.log(m[chosen])
     slope = float(_slopes(x, y))
     rest = y - y.mean() - slope * (x - x.mean())
@@ -463,7 +463,7 @@ def exponent_interval(
         drawn = x[(first[:, None] + np.arange(block)).ravel()[:count] % count]
         row[:] = np.var(drawn, axis=0)
     if not (moments > 0.0).all():
-        raise ValueError(f"members must scatter at every lag between {low:g} and {high:g} in every draw, got draws without: too few members move")
+        raise ValueError(f"members must scatter at every lag between {low:g} and {high:g} in every draw, got draws in which they do not: too few members move")
     gammas = _slopes(np.log(t[chosen]), np.log(moments)) / 2.0
     ends = np.quantile(gammas, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
     return float(ends[0]), float(ends[1])

@@ -15,7 +15,7 @@ def still(t, x):
 
 
 def example() -> Figure:
-    """Speed over the last speed in time, by three kernels, beside what was measured."""
+    """Speed over terminal speed against time, with two kernels and without history, beside the measurement."""
     t = np.linspace(0.0, 0.3, 1501)
     finite = basset.MeiAdrianKernel(SPEED, SPHERE["diameter"], SPHERE["viscosity"])  # decays faster at long lags, as behind a wake
     choices = {"without history": {"history": False}, "Mei and Adrian's kernel": {"kernel": finite}, "Basset's kernel": {}}

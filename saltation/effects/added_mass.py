@@ -1,7 +1,7 @@
-"""Added mass: α = 1/(1 + R + C_m); in the thesis also a remainder C_m w du_f/dz along the stream.
+"""Added mass: α = 1/(1 + R + C_m); in the thesis also a shear term C_m w du_f/dz along the stream.
 
-The remainder is the print's: Auton's form and Maxey & Riley's (5-1) have none in a steady parallel stream u_f(z). Without
-it the shipped scenes jump higher: sand by 9 %, coarse sand by 10 %, gravel by 12 %.
+Auton's form and Maxey & Riley's (5-1) have no such term in a steady parallel stream u_f(z). Without
+it jumps of sand and gravel are 9 to 13 % higher (reports/saltation.md).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ VALID = "far from the wall"
 
 
 class Options(Table):
-    """The coefficient, and which form."""
+    """The coefficient, and the form."""
 
     coefficient: float = Field(0.5, ge=0.0, le=1e6, description="C_m, dimensionless")
-    form: Literal["thesis", "auton"] = Field("thesis", description="with the remainder C_m w du_f/dz, or without")
+    form: Literal["thesis", "auton"] = Field("thesis", description="with the shear term C_m w du_f/dz along the stream ('thesis'), or without ('auton')")
 
 
 class Remainder(NamedTuple):
@@ -39,5 +39,5 @@ class Remainder(NamedTuple):
 
 
 def build(options: Options, setting: Setting) -> Remainder | None:
-    """The remainder of the thesis's form; nothing for Auton's."""
+    """The shear term of the thesis's form; nothing for Auton's."""
     return Remainder(options.coefficient) if options.form == "thesis" else None

@@ -1,4 +1,4 @@
-"""Encounters of grains with each other: the hard-sphere contact of the bed, between two moving grains of a [cloud]."""
+"""Encounters: collisions between grains of a [cloud], with the hard-sphere contact law of the bed."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ __all__ = ["Options"]
 
 NAME = "encounters"
 SOURCE = "Crowe et al. (2011), Multiphase Flows with Droplets and Particles, ch. 5; thesis section 4.2"
-VALID = "contacts of two at a time, without the liquid that is squeezed out between them"
+VALID = "binary collisions, without lubrication between the grains"
 
 
 class Options(Table):
-    """The contact of two grains."""
+    """Restitution, friction and limits of encounters."""
 
     restitution: float = Field(0.65, ge=0.0, le=1.0, description="e, dimensionless")
     friction: float = Field(0.1, ge=0.0, description="Coulomb's f, dimensionless")
-    slowest: float = Field(0.01, ge=0.0, description="grains never part more slowly, in units of u*: ends endless series of ever smaller rebounds")
-    pile_up: int = Field(20000, ge=1, description="a run stops when one grain has more encounters than this within one d/u*")
+    slowest: float = Field(0.01, ge=0.0, description="minimum speed of separation after an encounter, in units of u*: prevents inelastic collapse")
+    pile_up: int = Field(20000, ge=1, description="the run stops when a grain has more encounters than this within one d/u*")
 
 
 def build(options: Options, setting: Setting) -> Any:

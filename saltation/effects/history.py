@@ -1,8 +1,8 @@
 """Basset history: −c·H of the slip, with the initial slip and the slip jump of every rebound; c = 9α/√(π Re*), thesis (3-1).
 
-The treatment of the history force at an impact decides the height of jumps (by a factor of 2 to 3): `impulse` keeps the past and
+The treatment of the history force at an impact changes the height of jumps by a factor of 2 to 3: `impulse` keeps the past and
 adds the jump of the slip, `restart` drops the past and adds the whole new slip (the grain leaves its wake), `reset` drops both,
-`none` keeps the past and ignores the jump. Normal rebounds from a smooth wall bear `impulse` out and reject `reset` and `none`
+`none` keeps the past and ignores the jump. Measured normal rebounds from a smooth wall support `impulse` and contradict `reset` and `none`
 (reports/measured.md); a rough bed has not been measured.
 """
 
@@ -46,15 +46,19 @@ class Options(Table):
 
     rebound: Literal["impulse", "restart", "reset", "none"] = Field("impulse", description="treatment of the history force at an impact")
     kernel: Literal["basset", "mei_adrian", "dorgan_loth"] = Field("basset", description="Basset's, or a finite-Reynolds kernel of the slip")
-    slip_at: Literal["t", "tau"] | None = Field(None, description="whose slip such a kernel takes: the current one, 't' (default), or that of the past rate")
+    slip_at: Literal["t", "tau"] | None = Field(
+        None, description="slip in a finite-Reynolds kernel: the current one, 't' (default), or that at the time of the past rate, 'tau'"
+    )
     scheme: str = Field("exponential", description="any key of basset.SCHEMES")
-    order: int | None = Field(None, ge=1, le=10, description="degree of a product rule")
-    rtol: float | None = Field(None, gt=0.0, lt=1.0, description="promised relative error of a fitted sum of exponentials, dimensionless")
+    order: int | None = Field(None, ge=1, le=10, description="degree of the polynomials, of schemes that have one")
+    rtol: float | None = Field(None, gt=0.0, lt=1.0, description="bound on the relative error of a fitted sum of exponentials, dimensionless")
     rule: str | None = Field(None, description="the rule inside a window (scheme = 'windowed')")
     window: float | None = Field(None, gt=0.0, description="window in units of d/u*")
-    window_jumps: int | None = Field(None, ge=1, le=50, description="memory of that many jumps only (the thesis's T_back)")
+    window_jumps: int | None = Field(None, ge=1, le=50, description="history of only this number of last jumps (the thesis's T_back)")
     tail: str | bool | None = Field(None, description="beyond a window: 'fitted', 'van_hinsberg', 'casas', 'casas_5_I1' (terms, norm) or false")
-    horizon: float | None = Field(None, gt=0.0, description="longest time that is remembered, in units of d/u*; default 20 per jump")
+    horizon: float | None = Field(
+        None, gt=0.0, description="longest lag of the history integral, in units of d/u*; default: the run's duration, or 20 per jump and 1000 or more"
+    )
 
 
 def kernel_of(options: Options, numbers: Numbers) -> AnyKernel:
@@ -70,8 +74,8 @@ def build(options: Options, setting: Setting) -> Any:
 
 
 def warnings(options: Options, numbers: Numbers) -> list[str]:
-    """A treatment of impacts that measured bounces are against."""
+    """A treatment of impacts that measured rebounds contradict."""
     if options.rebound not in REJECTED:
         return []
     missed = f"{MISSED[options.rebound]} % of the first apex with its best restitution and kernel, 'impulse' {MISSED['impulse']} %"
-    return [f"history.rebound = {options.rebound!r}: measured normal rebounds reject it: it misses them by {missed} ({BOUNCES})"]
+    return [f"history.rebound = {options.rebound!r}: measured normal rebounds contradict it: its rms error is {missed} ({BOUNCES})"]

@@ -34,9 +34,11 @@ CLOSURES = {
 
 
 class Options(Table):
-    """Which law, and the coefficient of the thesis's."""
+    """The law, and the coefficient of 'squares'."""
 
-    law: Literal["squares", "saffman", "mclaughlin", "mei", "loth"] = Field("squares", description="the thesis's difference of squares, or a law of the shear")
+    law: Literal["squares", "saffman", "mclaughlin", "mei", "loth"] = Field(
+        "squares", description="'squares': the thesis's difference of squares; or a law of shear lift"
+    )
     coefficient: float = Field(SQUARES, ge=0.0, le=1.0, description="C_L of law = 'squares', dimensionless")
 
     _one_law = coefficient_of("squares", SQUARES)

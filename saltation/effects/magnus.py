@@ -41,7 +41,7 @@ CLOSURES = {
 
 
 class Options(Table):
-    """All components or the thesis's choice, which law, and how strong."""
+    """All components or the vertical one, the law, and its coefficient."""
 
     form: Literal["vertical", "vector"] = Field("vertical", description="the component normal to the bed only (thesis), or the whole vector")
     law: Literal["linear", "oesterle_bui_dinh", "loth"] = Field("linear", description="C is a number, or a function of Re_p and Re_r")

@@ -28,7 +28,7 @@ CLOSURES = {
 
 
 class Options(Table):
-    """Which law, and whether ρ/ρ_s is in it."""
+    """The law, and whether ρ/ρ_s is in it."""
 
     law: Literal["yamamoto", "prescribed"] = Field("yamamoto", description="the torque of thesis (3-4), or ω_y = 5.11 − 1.13 T (3-6)")
     density_ratio: bool = Field(True, description="divide the torque by ρ_s/ρ; false: as printed in the thesis")

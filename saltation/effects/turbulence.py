@@ -42,7 +42,7 @@ __all__ = ["Eddies", "Options", "Profiles", "profiles_of"]
 
 NAME = "turbulence"
 SOURCE = "Nezu & Nakagawa (1993), Turbulence in Open-Channel Flows; van Driest (1956), J. Aeronaut. Sci. 23, 1007; Thomson (1987), J. Fluid Mech. 180, 529"
-VALID = "uniform flow in a wide channel; each grain has eddies of its own: grains near each other see different ones"
+VALID = "uniform flow in a wide channel; each grain has fluctuations of its own, uncorrelated with those of its neighbours"
 
 INTENSITIES = (2.30, 1.63, 1.27)  # σ/u* along, across, up at the bed without damping
 INNER = 0.3  # slope of σ_u at a smooth wall
@@ -92,10 +92,10 @@ BASIS = CELLS * (OCTAVES[1] - OCTAVES[0]) * CELL  # where the B-splines lie in t
 class Options(Table):
     """Strength, time scale and damping of the fluctuations."""
 
-    amplitude: float = Field(1.0, ge=0.0, le=10.0, description="factor of all fluctuations, dimensionless; 0: none")
+    amplitude: float = Field(1.0, ge=0.0, le=10.0, description="factor on all fluctuations, dimensionless; 0: none")
     time_scale: Literal["diffusivity", "hanna", "dissipation"] = Field("diffusivity", description="T_L: (1 − ζ) ν_t/σ_w², 0.5 z/σ_w, or 2σ_w²/(C0 ε)")
     c0: float | None = Field(None, gt=0.0, le=100.0, description="C0 of time_scale = 'dissipation', dimensionless, 2 to 6; default 4")
-    crossing: float = Field(1.0, ge=0.0, le=10.0, description="β of crossing trajectories, dimensionless; 0: grains keep their eddies")
+    crossing: float = Field(1.0, ge=0.0, le=10.0, description="β of the effect of crossing trajectories, dimensionless; 0: none")
     damping: float = Field(VAN_DRIEST, ge=1.0, le=30.0, description="van Driest's height of the damping at the bed, in units of ν/u*")
     rough_damping: float = Field(0.1, ge=0.0, le=10.0, description="least height of the damping, in units of k_s")
 

@@ -1,4 +1,4 @@
-"""Pictures of what effects and other choices do to a scene."""
+"""Figures of how effects and other modelling choices change a scene."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def ablation(table: pd.DataFrame, scene: str = "") -> Figure:
                 _note(axes, place, row["status"])
         axes.set(xlabel=f"change of the mean {label} (%)", ylim=(0.4, len(rows) + 0.6))
         axes.set_yticks(places, [f"without {name.replace('_', ' ')}" for name in rows.index])
-    figure.suptitle(f"{scene}{': w' if scene else 'W'}hat changes when an effect is left out (bars: two standard errors)")
+    figure.suptitle(f"{scene}{': c' if scene else 'C'}hange of the mean jump when an effect is left out (bars: two standard errors)")
     return figure
 
 
@@ -59,7 +59,7 @@ def spread(table: pd.DataFrame, scene: str = "") -> Figure:
             stopped = ", ".join(f"{value}: {status}" for value, status in own.loc[own["status"] != "finished", ["value", "status"]].to_numpy())
             if stopped:
                 axes.annotate(f"({stopped})", (1.0, place), xytext=(0, 13), textcoords="offset points", ha="center", va="center", fontsize=8, color=GREY)
-        axes.set(xscale="log", xlabel=f"mean {label} / that of the scene", ylim=(0.4, len(choices) + 0.6))
+        axes.set(xscale="log", xlabel=f"mean {label} over that of the scene", ylim=(0.4, len(choices) + 0.6))
         low, high = axes.get_xlim()
         margin = max(high / low, 1.3) ** 0.25  # room for the names
         low, high = min(low, 0.9) / margin, max(high, 1.1) * margin
@@ -68,7 +68,7 @@ def spread(table: pd.DataFrame, scene: str = "") -> Figure:
         axes.set_xticks(ticks, [f"{ratio:g}" for ratio in ticks])
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_yticks(range(len(choices), 0, -1), choices)
-    figure.suptitle(f"{scene}{': w' if scene else 'W'}hat every choice that is not settled does to the jumps (grey: two standard errors of the mean)")
+    figure.suptitle(f"{scene}{': m' if scene else 'M'}ean jump for every open modelling choice (grey: two standard errors of the mean)")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a run of many grains, for `saltation plot`: paths and encounters in space, one pair, one grain, profiles, spreading.
+"""Figures of a run of many grains, for `saltation plot`: paths and encounters in space, one pair, one grain, profiles, spreading.
 
 Every function of `CLOUD_PLOTS` takes a `Result` and gives a Figure that belongs to no window and no backend. What a run cannot
 show (no encounters, no paths) is a ValueError with one sentence.
@@ -117,7 +117,7 @@ def plan(result: Result) -> Figure:
     far.set(xlabel="along x (d), from the release", ylabel="across y (d)")
     far.set_title(f"all {y.shape[1]} grains from one release point: {last.std():.2g} d apart (standard deviation) at the end; y stretched")
     scatters = result.scene.bed is not None and result.scene.bed.span_scatter
-    figure.suptitle(f"Seen from above: {'bed and encounters' if scatters else 'encounters alone'} turn grains across the stream")
+    figure.suptitle(f"Seen from above: {'bed and encounters' if scatters else 'encounters alone'} deflect grains across the stream")
     return figure
 
 
@@ -277,7 +277,7 @@ def grain_history(result: Result, grain: int | None = None, start: float | None 
     panels[1].set(ylabel="across y (d)")
     panels[2].set(ylabel=f"velocity\nacross v ({unit})")
     panels[3].set(ylabel=f"acceleration between\ncontacts ({unit}²/d)", xlabel=f"time (d/{unit})")
-    figure.suptitle(f"Grain {chosen} is turned across the stream by {len(met)} encounters (dotted); partners grey around them")
+    figure.suptitle(f"Grain {chosen} is deflected across the stream by {len(met)} encounters (dotted); grey: the grains it meets")
     return figure
 
 
@@ -341,10 +341,10 @@ def profiles(result: Result) -> Figure:
         labelled(right, float(np.interp(0.25 * top, heights, stream)), 0.25 * top, "stream", BLACK, 1)
         weights = table["concentration"].to_numpy()[filled]
         slip = np.interp(z[filled], heights, stream) - mean[filled]
-        lag = f"; on average they lag the stream by {np.average(slip, weights=weights):.2g} {unit}"
+        lag = f"; on average grains lag the stream by {np.average(slip, weights=weights):.2g} {unit}"
     right.set_xlabel(f"velocity along the stream ({unit})")
     densest = float(z[np.argmax(table["concentration"])])
-    figure.suptitle(f"Grains are densest at z = {densest:.2g} d{lag} (from {start:.3g} d/{unit} on)")
+    figure.suptitle(f"Concentration is highest at z = {densest:.2g} d{lag} (from {start:.3g} d/{unit} on)")
     return figure
 
 
@@ -362,9 +362,9 @@ def encounters(result: Result) -> Figure:
     encounters_of(result, "encounters")
     found = changes(result).drop(columns="grain").abs()
     if found.empty:
-        raise ValueError("encounters needs grains that part faster than encounters.slowest: none of the run do")
+        raise ValueError("encounters needs grains that separate faster than encounters.slowest: the run has none")
     slow = len(result.encounters) - len(found) // 2
-    left_out = f" ({slow} slow ones left out)" if slow else ""
+    left_out = f" ({slow} slow ones excluded)" if slow else ""
     unit = result.scene.numbers.unit("u*")
     figure = Figure(figsize=(10.0, 7.6))
     panels = figure.subplots(3, 3)
@@ -439,7 +439,7 @@ def second_moments(result: Result, without: Result | None = None) -> Figure:
         if len(both) > 1:
             axes.legend(loc="upper left")
     if not parts:
-        raise ValueError("second_moments needs grains that scatter: here they all fly alike")
+        raise ValueError("second_moments needs grains that spread: here they all move alike")
     title = f"{result.scene.grains.number} grains spread from one release point: {'; '.join(parts)}"
     figure.suptitle(f"{title}\n(fitted within a jump, from 2 to 20 and beyond 40 jumps)")
     return figure

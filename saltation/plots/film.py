@@ -1,4 +1,4 @@
-"""A moving picture of a cloud: its periodic box from the side and from above, grains true to scale, coloured by their speed."""
+"""An animation of many grains: their periodic box from the side and from above, grains true to scale, coloured by their speed."""
 
 from __future__ import annotations
 

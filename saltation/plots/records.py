@@ -1,4 +1,4 @@
-"""The picture of `saltation.compare`: a record, the model's curve, and what lies between them."""
+"""The figure of `saltation.compare`: a record, the model's curve, and the residuals."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def comparison(found: Comparison, title: str = "") -> Figure:
         scale, unit = scaled(off.abs().max(), QUANTITIES[name][0])
         counts = found.points[f"{name}_counts"]
         if np.isfinite(row["noise"]):
-            below.axhspan(-2.0 * scale * row["noise"], 2.0 * scale * row["noise"], color=GREY, alpha=0.25, linewidth=0.0, label="± 2 noise")
+            below.axhspan(-2.0 * scale * row["noise"], 2.0 * scale * row["noise"], color=GREY, alpha=0.25, linewidth=0.0, label="± 2 s.d. of the noise")
         below.axhline(0.0, color=GREY, linewidth=1.0)
         below.plot(clock * time[counts], scale * off[counts], "o", color=RED, markersize=3.0)
         if (~counts & off.notna()).any():
-            below.plot(clock * time[~counts], scale * off[~counts], "o", markerfacecolor="none", color=GREY, markersize=3.0, label="does not count")
+            below.plot(clock * time[~counts], scale * off[~counts], "o", markerfacecolor="none", color=GREY, markersize=3.0, label="not compared")
         below.set(xlabel=f"time ({second})", ylabel=f"model − record\n({unit})")
         if below.get_legend_handles_labels()[1]:
             below.legend(loc="best", ncols=2)

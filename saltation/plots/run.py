@@ -1,4 +1,4 @@
-"""Pictures of one run, for `saltation plot`: path, jumps, forces, spreading and spin, each with its message as its title.
+"""Figures of one run, for `saltation plot`: path, jumps, forces, spreading and spin, each with its message as its title.
 
 Every function of `PLOTS` takes a `Result` and gives a Figure that belongs to no window and no backend. What a run cannot
 show (no jumps, no path, no spin) is a ValueError with one sentence.
@@ -25,7 +25,7 @@ from saltation.results.result import Result
 __all__ = ["budget", "diffusion", "jumps", "spin", "stream", "trajectory"]
 
 FORCES = {"weight": (BLACK, "s"), "drag": (BLUE, "D"), "history": (RED, "o"), "added_mass": (PINK, "v"), "lift": (GREEN, "^"), "magnus": (ORANGE, "P")}
-WORDS = {name: name for name in FORCES} | {"added_mass": "added-mass remainder", "magnus": "Magnus"}
+WORDS = {name: name for name in FORCES} | {"added_mass": "added mass (shear term)", "magnus": "Magnus"}
 SPREAD = {"x": ("along the stream", BLUE, "D"), "y": ("across the stream", ORANGE, "o")}
 SHOWN = 8  # jumps of a path
 LOCAL, INTERMEDIATE = (0.02, 0.25), (5.0, 50.0)  # ranges of lags in mean durations: within a jump; many jumps
@@ -91,7 +91,7 @@ def trajectory(result: Result) -> Figure:
     draw_path(figure, along, z, across if plan else None, hits, label)
     if len(jumps):
         height, length = (float(jumps[name].mean()) for name in ("height", "length"))
-        figure.suptitle(f"{min(SHOWN, len(jumps))} of {len(jumps)} jumps; on average they rise {height:.3g} d and reach {length:.3g} d")
+        figure.suptitle(f"{min(SHOWN, len(jumps))} of {len(jumps)} jumps; mean height {height:.3g} d, mean length {length:.3g} d")
     else:
         figure.suptitle(f"The whole path: {result.message}")
     return figure
@@ -102,7 +102,7 @@ def jumps(result: Result) -> Figure:
     """Distributions of height, length, speed, takeoff angle and deviation."""
     table, numbers = jumps_of(result, "jumps"), result.summary()
     columns = {
-        "height": "rise H (d)",
+        "height": "height H (d)",
         "length": "length L (d)",
         "velocity": f"mean velocity ū ({unit_of(result)})",
         "takeoff_angle": "takeoff angle (degrees)",
@@ -110,7 +110,7 @@ def jumps(result: Result) -> Figure:
     }
     shown = {name: label for name, label in columns.items() if np.isfinite(table[name]).all() and np.ptp(table[name]) > 0.0}
     if not shown:
-        raise ValueError(f"jumps needs jumps that differ, got {len(table)} alike")
+        raise ValueError(f"jumps needs jumps that differ, got {len(table)} equal ones")
     figure = Figure(figsize=(10.0, 5.6))
     grid = figure.subplots(2, 3, squeeze=False).ravel()
     for axes, (name, label) in zip(grid, shown.items(), strict=False):
@@ -166,7 +166,7 @@ def budget(result: Result) -> Figure:
     figure = Figure(figsize=(8.0, 7.4))
     up = shares(frame, "z").abs().mean().sort_values(ascending=False)
     ranked = ", ".join(f"{WORDS[str(name)]} {value:.0f} %" for name, value in up.items() if value >= 0.5)
-    draw_budget(figure, frame, f"What acts normal to the bed, on average over the jump:\n{ranked}")
+    draw_budget(figure, frame, f"Forces normal to the bed, share averaged over the jump:\n{ranked}")
     return figure
 
 
@@ -216,12 +216,12 @@ def diffusion(result: Result) -> Figure:
         found = draw_moments(axes, lags, frame[name].to_numpy(), label, colour, marker, ranges_of(lags, duration), name == higher)
         parts.append(f"{label} γ = " + " then ".join(f"{gamma:.2f}" for gamma in found))
     if not parts:
-        raise ValueError("diffusion needs jumps that differ: here no displacement scatters")
+        raise ValueError("diffusion needs jumps that differ: here all displacements are equal")
     axes.axvline(duration, color="#999999", linestyle=":")
     axes.annotate("mean duration of a jump", (duration, axes.get_ylim()[0]), xytext=(4, 6), textcoords="offset points", color="#666666", fontsize=9)
     axes.set(xlabel=f"time after a takeoff (d/{unit_of(result)})", ylabel="second moment of the displacement (d²)")
     axes.legend(loc="upper left")
-    figure.suptitle("Grains spread: " + "; ".join(parts))
+    figure.suptitle("Spreading of grains: " + "; ".join(parts))
     return figure
 
 
@@ -256,7 +256,7 @@ def spin(result: Result) -> Figure:
     left, right = figure.subplots(1, 2)
     phase = (np.arange(paths.shape[1]) + 0.5) / paths.shape[1]
     low, middle, high = np.quantile(paths, (0.1, 0.5, 0.9), axis=0)
-    left.fill_between(phase, low, high, color=BLUE, alpha=0.25, label="middle four fifths of the jumps", linewidth=0.0)
+    left.fill_between(phase, low, high, color=BLUE, alpha=0.25, label="10 to 90 % of the jumps", linewidth=0.0)
     left.plot(phase, middle, color=BLUE, label="median")
     left.set(xlabel="phase of the jump (0 takeoff, 1 impact)", ylabel=f"spin ω_y ({unit})", xlim=(0.0, 1.0))
     left.legend(loc="best")
@@ -269,7 +269,7 @@ def spin(result: Result) -> Figure:
         right.axvline(prescribed_spin(stage), color=BLACK, linestyle="--", label=f"thesis (3-6): {prescribed_spin(stage):.3g}")
     right.set(xlabel=f"mean spin of a jump ({unit})", ylabel="jumps")
     right.legend(loc="best")
-    figure.suptitle(f"The grain turns with {values.mean():.3g} {unit} on average, from {middle[0]:.3g} at takeoff to {middle[-1]:.3g} at impact (medians)")
+    figure.suptitle(f"Mean spin {values.mean():.3g} {unit}, from {middle[0]:.3g} at takeoff to {middle[-1]:.3g} at impact (medians)")
     return figure
 
 
@@ -284,7 +284,7 @@ def stream(result: Result) -> Figure:
     left.plot(found["velocity"], heights, color=BLUE, label="with the grains")
     right.plot(found["fluid_stress"], heights, color=BLUE, label="stream")
     right.plot(found["grain_stress"], heights, color=RED, label="grains")
-    right.plot(found["fluid_stress"] + found["grain_stress"], heights, color=BLACK, linestyle=":", label="together")
+    right.plot(found["fluid_stress"] + found["grain_stress"], heights, color=BLACK, linestyle=":", label="sum")
     left.set(xlabel=f"velocity ({unit_of(result)})", ylabel="height above the bed level (d)", ylim=(0.0, float(heights[-1])))
     right.set(xlabel="shear stress (ρu*²)")
     for axes in (left, right):

@@ -1,4 +1,4 @@
-"""The picture of `saltation.select_scheme`: error against time per jump."""
+"""The figure of `saltation.select_scheme`: error against time per jump."""
 
 from __future__ import annotations
 

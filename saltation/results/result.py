@@ -1,4 +1,4 @@
-"""What a run of one or many grains leaves: the jumps, the encounters, the paths, and how it came about; saved as netCDF."""
+"""The result of a run of one or many grains: jumps, encounters, paths and provenance; saved as netCDF."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = ["Result"]
 
 @dataclass(eq=False)
 class Result:
-    """A run of one grain or of many. Lengths in d, velocities in u* (in still water in the V of `saltation.grain`), times in d/u*.
+    """Result of a run of one or many grains. Lengths in d, velocities in u* (in still water in the V of `saltation.grain`), times in d/u*.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class Result:
         finished, at rest, creeping, aloft, horizon or failed, with two-way coupling unsettled (stream and grains do not agree), of many
         grains also pile-up, or unfinished (a run that was stopped and can go on); and why.
     provenance : dict
-        Profile, roughness, reading, rebound memory, source of e, range of St, shares of impacts that were clipped, creep or
-        lie outside a closure's range, versions, seed; of grains that meet the pair law, the box (d), and how many steps were too
-        short to be resolved.
+        Profile, roughness, reading (range of contact angles), rebound_memory (treatment of the history force at impacts), restitution,
+        range of St, shares of impacts clipped and of jumps that creep (below 0.1 d), laws used outside their ranges, versions, seed; with
+        encounters also their law, the box (d), and how many steps were too short to be resolved.
     time : float, d/u*
         How far the run has come.
     encounters : DataFrame
@@ -56,7 +56,7 @@ class Result:
     fates : DataFrame
         Of many grains, those that left the run before its end, in the order of time: grain, time (d/u*), fate (at rest, creeping, aloft).
     path : Dataset, or callable that gives it, or None
-        What `trajectory` is, with units as there; None where it was not kept.
+        What `trajectory` gives, with units as there; None if it was not stored.
 
     Examples
     --------
@@ -125,7 +125,7 @@ class Result:
         return pd.DataFrame({"grain": jumps["grain"].to_numpy()[after], "start": ends, "duration": jumps["start"].to_numpy()[after] - ends})
 
     def resting(self) -> float:
-        """How many grains lie at rest per moving one: the time of rests over that of jumps, of many grains from the kept places.
+        """Number of grains at rest per moving grain: the time of rests over that of jumps; for many grains from the stored positions.
 
         Returns
         -------
@@ -134,7 +134,7 @@ class Result:
         Raises
         ------
         ValueError
-            Of many grains whose path was not kept.
+            For many grains whose path was not stored.
 
         Examples
         --------
@@ -177,7 +177,7 @@ class Result:
         Raises
         ------
         ValueError
-            For a scene without.
+            For a scene without two-way coupling.
 
         References
         ----------
@@ -194,7 +194,7 @@ class Result:
         scene, numbers = self.scene, self.scene.numbers
         made = scene.coupling and scene.coupling.settled
         if not made:
-            raise ValueError("the stream feels nothing of the grains: set coupling = 'two_way'")
+            raise ValueError("the stream is not coupled to the grains: set coupling = 'two_way'")
         assert scene.channel is not None
         heights, stress = np.array(made.heights), np.array(made.stress)
         total = 1.0 - heights * numbers.diameter / scene.channel.depth if scene.channel.depth else np.ones(len(heights))
@@ -221,16 +221,16 @@ class Result:
         Raises
         ------
         ValueError
-            If the scene keeps no path (run.trajectory = false).
+            If the path was not stored (run.trajectory = false).
         """
         if self.path is None:
-            raise ValueError("trajectory was not kept: set run.trajectory = true")
+            raise ValueError("trajectory was not stored: set run.trajectory = true")
         return self.path() if callable(self.path) else self.path
 
     def _alone(self, what: str) -> xr.Dataset:
         """The path of the only grain."""
         if self.scene.cloud is not None:
-            raise ValueError(f"{what} needs the path of a run of one grain: of many only places and velocities are kept")
+            raise ValueError(f"{what} needs the path of a run of one grain: of many grains only positions and velocities are stored")
         return self.trajectory
 
     def budget(self, phases: int = 40) -> pd.DataFrame:
@@ -239,7 +239,7 @@ class Result:
         Parameters
         ----------
         phases : int
-            How many.
+            Number of phases.
 
         Returns
         -------
@@ -250,7 +250,7 @@ class Result:
         Raises
         ------
         ValueError
-            Of many grains, and if the path was not kept or no jump counts.
+            For many grains, and if the path was not stored or no jump counts.
 
         Examples
         --------
@@ -301,7 +301,7 @@ class Result:
         Raises
         ------
         ValueError
-            Of many grains, and if the path was not kept or fewer than two takeoffs count.
+            For many grains, and if the path was not stored or fewer than two takeoffs count.
 
         References
         ----------
@@ -381,14 +381,14 @@ class Result:
         return {"bed": bed, "pairs": pairs, "ratio": bed / pairs if pairs else float("inf")}
 
     def profiles(self, bins: int = 30, start: float = 0.0) -> pd.DataFrame:
-        """Concentration and mean velocity over the height, from all kept positions of a time on.
+        """Profiles of concentration and mean velocity over the height, from all stored positions after a start time.
 
         Parameters
         ----------
         bins : int
-            How many layers.
+            Number of layers.
         start : float, d/u*
-            From when.
+            Earlier positions are left out.
 
         Returns
         -------
@@ -399,7 +399,7 @@ class Result:
         Raises
         ------
         ValueError
-            Of a single grain, and if the paths were not kept.
+            For a single grain, and if the paths were not stored.
         """
         if self.scene.cloud is None:
             raise ValueError("profiles needs a run of many grains: the scene has no [cloud]")
@@ -422,9 +422,9 @@ class Result:
         return pd.DataFrame({"z": 0.5 * (edges[1:] + edges[:-1]), "concentration": concentration, "velocity": mean, "velocity_sd": deviation})
 
     def dataset(self) -> xr.Dataset:
-        """Everything as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` (and `grain`), the rest as attributes.
+        """The whole result as one dataset: jumps along `jump`, encounters along `encounter`, paths along `time` (and `grain`), the rest as attributes.
 
-        With two-way coupling what `coupled` gives, `coupling_` before each name.
+        With two-way coupling also what `coupled` gives, with names that begin with `coupling_`.
 
         Returns
         -------
@@ -460,7 +460,7 @@ class Result:
         return whole
 
     def to_si(self) -> xr.Dataset:
-        """Everything as one dataset in SI units; angles stay in degrees.
+        """The whole result as one dataset in SI units; angles stay in degrees.
 
         Returns
         -------

@@ -33,8 +33,8 @@ UNITS = {  # of the table of jumps
     "impact_y": ("u*", "across"),
     "impact_z": ("u*", "up"),
     "stokes": ("1", "collision Stokes number of the impact"),
-    "tilt": ("degree", "θ_b of the contact"),
-    "clipped": ("1", "whether θ_b was cut at 30°"),
+    "tilt": ("degree", "angle θ_b of the contact plane"),
+    "clipped": ("1", "whether θ_b was clipped to 30°"),
     "impulse_x": ("m u*", "impulse of the bed on the grain, along the stream, per grain mass"),
     "impulse_y": ("m u*", "across"),
     "impulse_z": ("m u*", "up"),
@@ -60,10 +60,10 @@ COUPLED = {  # what two-way coupling comes to
     "moving_grains": "moving grains per area of the bed",
     "bed_stress": "shear stress that grains carry at the bed over ρu*²",
     "bed_load": "bed load q/√((s − 1) g d³)",
-    "bed_load_before": "the same of grains that the stream does not feel",
+    "bed_load_before": "bed load q/√((s − 1) g d³) in the stream without grains",
     "bed_load_flux": "bed load, volume of grains per width and time",
 }
-STREAM = {"moving_grains": "m-2", "bed_stress": "1", "bed_load": "1", "bed_load_flux": "m2 s-1"}  # of them what has no height: its unit
+STREAM = {"moving_grains": "m-2", "bed_stress": "1", "bed_load": "1", "bed_load_flux": "m2 s-1"}  # those without a height: their units
 AXES = {"x": "along the stream", "y": "across the stream", "z": "above the bed level"}
 
 

@@ -1,4 +1,4 @@
-"""Which histories can be flown how: what mathematics bars, with its reason and the nearest that flies."""
+"""Which history schemes a solver can use; for the others the reason, and the nearest that works."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from basset import _validate
 __all__ = ["REASONS", "Refusal", "barred"]
 
 REASONS = {
-    "grid": "its weights belong to samples at equal steps, and collocation takes graded ones",
-    "window": "collocation needs a sum from the first stage of its shortest step on, and this one begins behind a window",
-    "sum": "collocation remembers by a fitted sum of its own",
-    "half": "a derivative of order 1/2 is an integral against s^(-1/2), which no kernel of finite Reynolds numbers is",
-    "published": "the published numbers of its sum were fitted to s^(-1/2), which no kernel of finite Reynolds numbers is",
+    "grid": "its weights are for equal steps, and collocation takes graded ones",
+    "window": "collocation needs a sum of exponentials from the shortest lags on, and this one begins behind a window",
+    "sum": "collocation fits a sum of exponentials of its own",
+    "half": "a derivative of order 1/2 has the kernel s^(-1/2), and kernels of finite Reynolds numbers differ from it",
+    "published": "its published coefficients were fitted to s^(-1/2), and kernels of finite Reynolds numbers differ from it",
 }
 FLOWN: dict[str, Any] = {"solver.method": "fixed_step", "solver.dt": 1e-3}
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Which field is refused, the key of its reason, and what flies instead: alternatives, each field by field; None: left out."""
+    """Which field is refused, the key of its reason, and alternatives that work, each as field -> value; None: left out."""
 
     field: str
     reason: str
@@ -39,7 +39,7 @@ def _written(changes: dict[str, Any]) -> str:
 
 
 def barred(options: Any, method: str) -> Refusal | None:
-    """Why a history (the table [history]) cannot be flown by a method, None where it can."""
+    """Why a method cannot use the table [history]; None where it can."""
     rule = options.rule or "daitche" if options.scheme == "windowed" else options.scheme
     varies = options.kernel != "basset"
     half = varies and rule == "semi_derivative"

@@ -95,32 +95,34 @@ class SceneBase(Table):
     Exponential(order=3, rtol=1e-06)
     """
 
-    effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="effects by name, a preset by author, or 'auto': " + ", ".join(PRESETS))
+    effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="list of effects, 'auto', or a published model: " + ", ".join(PRESETS))
     defaults: Literal["thesis", "valid"] = Field(
         "thesis",
-        description="laws that are not given: the thesis's, or 'valid', those whose range holds the scene, of these the most recently measured (written out)",
+        description="laws that are not given: the thesis's; or 'valid': of those whose range holds the scene, the most recently measured (a result lists them)",
     )
-    tolerance: float | None = Field(None, gt=0.0, le=0.5, description="relative, of mean H, L and ū (dimensionless), for effects = 'auto'; default 0.05")
-    chosen: Chosen | None = Field(None, description="how the effects were chosen, with the evidence: written with a result, not given")
-    dimensions: Literal[2, 3] | None = Field(None, description="2: in the plane of the stream; default 3, or the preset's")
+    tolerance: float | None = Field(
+        None, gt=0.0, le=0.5, description="for effects = 'auto': allowed relative change of mean height, length and velocity, dimensionless; default 0.05"
+    )
+    chosen: Chosen | None = Field(None, description="how effects = 'auto' was resolved: written with a result, not to be given")
+    dimensions: Literal[2, 3] | None = Field(None, description="2: motion in the vertical plane along the stream; default 3, or the preset's")
     fluid: Fluid = Field(Fluid(), description="a table: density and viscosity; default water")
     grain: Grain = Field(description="a table: density and diameter")
-    channel: Channel | None = Field(None, description="a table: the stream; left out for still water")
+    channel: Channel | None = Field(None, description="a table: the stream; leave it out for still water")
     coupling: Annotated[Coupling | None, BeforeValidator(_coupling)] = Field(
         None,
-        description="what grains do to the stream: 'none', 'roughness', 'two_way', or a table with options",
+        description="effect of grains on the stream: 'none', 'roughness', 'two_way', or a table with options",
         json_schema_extra=_words,
     )
-    bed: Bed | None = Field(None, description="a table: rebound and roughness; left out where there is no bed")
-    rests: Rests | None = Field(None, description="a table: grains come to rest and are picked up again")
-    start: Start = Field(Start(), description="a table: the first takeoff")
+    bed: Bed | None = Field(None, description="a table: rebound and roughness; leave it out if there is no bed")
+    rests: Rests | None = Field(None, description="a table: grains come to rest and are entrained again")
+    start: Start = Field(Start(), description="a table: initial velocity, spin and height")
     solver: Solver = Field(Solver(), description="a table: how flights are integrated")
-    run: Run = Field(description="a table: how long, and which random numbers")
+    run: Run = Field(description="a table: length of the run and seed of its random numbers")
     cloud: Cloud | None = Field(None, description="a table: many grains instead of one")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effects, presets written out; all of them where they are still to be chosen."""
+        """The effects, a preset's written out; with effects = "auto" all of them."""
         if not isinstance(self.effects, str):
             return tuple(self.effects)
         meeting = ("encounters",) if self.cloud is not None and self.preset.collisions else ()
@@ -131,7 +133,7 @@ class SceneBase(Table):
     def stokes_decay(self) -> float:
         """Dimensionless k of e = 0.97 exp(−k/St): as given; or what fits measured bounces with the scene's history and kernel; or Gondret's 35.
 
-        They belong together: what is read as e from the slopes of a path at a wall has the history force of the rebound in it (reports/measured.md).
+        They belong together: an e measured from the slopes of a path at a wall includes the history force at the rebound (reports/measured.md).
         """
         if self.bed is not None and self.bed.stokes_decay is not None:
             return self.bed.stokes_decay
@@ -170,7 +172,7 @@ class SceneBase(Table):
         return EFFECTS[name].Options(**preset)
 
     def changed(self, **tables: Any) -> Scene:
-        """The scene with other fields: tables are merged, the rest is replaced; what None replaces is taken out.
+        """The scene with other fields: tables are merged, other values replaced; a field set to None is removed.
 
         Parameters
         ----------
@@ -184,7 +186,7 @@ class SceneBase(Table):
         Raises
         ------
         SceneError
-            If there is no such scene.
+            If the changed scene is not valid.
 
         Examples
         --------
@@ -255,7 +257,7 @@ class SceneBase(Table):
         if self.tolerance is not None and self.effects != AUTO:
             raise ValueError(f"tolerance belongs to effects = 'auto', which chooses them; here they are given: {self.effects!r}")
         if self.chosen is not None and (self.effects == AUTO or self.chosen.kept != list(names)):
-            raise ValueError("chosen is written with the effects that it chose, and belongs to them: leave it out")
+            raise ValueError("chosen records how effects = 'auto' was resolved and does not fit these effects: leave it out")
         if self.effects == AUTO and self.bed is None:
             raise ValueError("effects = 'auto' needs a [bed]: it compares jumps with each effect and without it")
         if self.run.jumps is not None and self.bed is None:
@@ -318,15 +320,15 @@ class SceneBase(Table):
             least = SHALLOWEST * self.grain.diameter
             raise ValueError(f"channel.depth must be {least:.3g} m ({SHALLOWEST:g} d) or more for 'turbulence', got {self.channel.depth:g}")
         if self.solver.method != "collocation":
-            raise ValueError(f"effects: 'turbulence' is flown by solver.method = 'collocation', got {self.solver.method!r}")
+            raise ValueError(f"effects: 'turbulence' needs solver.method = 'collocation', got {self.solver.method!r}")
 
     def _check_cloud(self, cloud: Cloud) -> None:
         """Many grains need a duration, those that meet collocation too, and a box that is wide enough."""
         if self.run.duration is None:
-            raise ValueError("cloud: many grains fly for a time: give run.duration (s) instead of run.jumps")
+            raise ValueError("cloud: a run of many grains ends at a given time: give run.duration (s) instead of run.jumps")
         fixed = self.solver.method != "collocation"
         if fixed and "encounters" in self.names:
-            what = "grains meet between nodes, and moved to a node they lie in each other by what they close in a step"
+            what = "grains meet within a step, and at its end they would overlap"
             raise ValueError(f"effects: 'encounters' at fixed steps: {what}: take solver.method = 'collocation', not {self.solver.method!r}")
         if not fixed and "history" in self.names and self.options("history").window_jumps is not None:
             raise ValueError("cloud: history.window_jumps is for a single grain, or for fixed steps: leave it out")
@@ -356,7 +358,7 @@ class SceneBase(Table):
         return (area, 1.0, height) if self.in_plane else (math.sqrt(area), math.sqrt(area), height)
 
     def _check_numbers(self) -> None:
-        """Refuse a scene without dimensionless numbers or without a profile."""
+        """Refuse a scene whose dimensionless numbers or profile cannot be computed."""
         low, high = SENSIBLE
         try:
             n = self.numbers
@@ -390,7 +392,7 @@ class SceneBase(Table):
             if coupling.form == "two_way":
                 raise ValueError(f"coupling.settled: {error}") from None
             known = ", ".join(name for name in PROFILES if name not in ("none", "reichardt"))
-            raise ValueError(f"coupling = 'roughness' needs a profile that can be rougher, one of {known}: of {self.channel.profile!r} {error}") from None
+            raise ValueError(f"coupling = 'roughness' needs a profile with a roughness length, one of {known}: {self.channel.profile!r}: {error}") from None
         if coupling.form == "two_way":
             if self.bed is None:
                 raise ValueError("coupling = 'two_way' needs a [bed]: grains leave there the momentum that they take from the stream")
@@ -413,7 +415,7 @@ class SceneBase(Table):
         if self.solver.method != "collocation":
             raise ValueError(f"rests needs solver.method = 'collocation', got {self.solver.method!r}")
         if "encounters" in self.names:
-            raise ValueError("rests and the effect 'encounters' exclude each other: a grain that sets out would overlap one that flies over it")
+            raise ValueError("rests and the effect 'encounters' exclude each other: a grain that is picked up could overlap one that passes over it")
 
     def _check_duration(self) -> None:
         """The duration has to fit the steps and the kept positions."""
@@ -427,7 +429,7 @@ class SceneBase(Table):
             raise ValueError(f"run.duration must be {MOST_STEPS:g} steps or less, got {end / dt:.3g} of solver.dt = {dt:g} d/u*")
         if self.cloud is not None and self.run.trajectory and not end / self.cloud.interval <= MOST_TIMES:
             raise ValueError(
-                f"cloud.interval must leave {MOST_TIMES:g} times to keep or less in run.duration, which is {end:.4g} d/u*, "
+                f"cloud.interval must give {MOST_TIMES:g} stored positions of a grain or fewer in run.duration, which is {end:.4g} d/u*, "
                 f"got {self.cloud.interval:g} d/u*: give a longer one, or run.trajectory = false"
             )
 
@@ -441,7 +443,7 @@ class SceneBase(Table):
         longest = longest_step(rule, rate, coefficient, self.solver.method == "runge_kutta_4")
         if dt > longest:
             raise ValueError(
-                f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order takes longer ones"
+                f"solver.dt must be {longest:.3g} d/u* or less for {rule!r}, or the steps diverge, got {dt:g}: a lower history.order allows longer ones"
             )
 
     def _check_history(self) -> None:
@@ -451,7 +453,7 @@ class SceneBase(Table):
             known = ", ".join(map(repr, SCHEMES))
             raise ValueError(f"history.scheme must be one of {known}, got {options.scheme!r}{_validate.suggestion(options.scheme, SCHEMES)}")
         if options.rtol is not None and options.rtol < FINEST:
-            raise ValueError(f"history.rtol must be {FINEST:g} or greater, got {options.rtol:g}: sums of exponentials are good to rounding then")
+            raise ValueError(f"history.rtol must be {FINEST:g} or greater, got {options.rtol:g}: rounding errors of the sum are as large")
         if self.horizon > LONGEST and not self.widens:
             what = f"history.horizon must be {LONGEST:g} or less" if options.horizon else f"run.duration must be {0.99 * LONGEST:g} or less with history"
             raise ValueError(f"{what}, got {self.horizon / (1.0 if options.horizon else 1.01):g} (units of d/u*)")
@@ -462,17 +464,17 @@ class SceneBase(Table):
             raise ValueError("history.slip_at has no meaning for history.kernel = 'basset', which is the same at every slip: leave it out")
         if self.solver.method == "collocation":
             if options.slip_at == "tau":
-                raise ValueError("history.slip_at = 'tau': collocation follows the current slip: take history.slip_at = 't'; or fixed steps")
+                raise ValueError("history.slip_at = 'tau' is for fixed steps: collocation uses the current slip: take history.slip_at = 't'")
             finest = FINEST_STEPS.get(options.kernel, 0.0)
             if self.solver.rtol < finest:
-                what = "its powers of time are none that a step can hold to more digits"
+                what = "the polynomials of a step cannot represent it more accurately"
                 raise ValueError(f"solver.rtol must be {finest:g} or greater for history.kernel = {options.kernel!r}, got {self.solver.rtol:g}: {what}")
             for name in ("order", "rtol"):
                 if getattr(options, name) is not None:
-                    raise ValueError(f"history.{name} belongs to fixed steps: with solver.method = 'collocation' solver.rtol decides, leave it out")
+                    raise ValueError(f"history.{name} is for fixed steps: leave it out, with solver.method = 'collocation' solver.rtol sets the accuracy")
             return
         if options.window_jumps is not None and options.window is not None:
-            raise ValueError("history.window_jumps is a window of its own: leave it out, or history.window and history.tail")
+            raise ValueError("history.window_jumps and history.window exclude each other: leave out window_jumps, or window and tail")
         self.steps_of(self.horizon)
 
     def steps_of(self, horizon: float) -> int:
@@ -581,7 +583,7 @@ class SceneBase(Table):
 
     @property
     def horizon(self) -> float:
-        """The longest time that is remembered, in units of d/u*; a run for jumps that outlasts it widens it, unless it is given."""
+        """The longest lag of the history integral, in units of d/u*; unless it is given, a run for jumps that lasts longer extends it."""
         options = self.options("history")
         if options.horizon is not None:
             return float(options.horizon)
@@ -596,9 +598,9 @@ class SceneBase(Table):
 
     @property
     def longest_flight(self) -> float:
-        """A flight this long is taken never to come down, in units of d/u*; infinite without a bed.
+        """A grain that flies this long is counted as suspended, in units of d/u*; infinite without a bed.
 
-        By default more than a grain that leaves the bed at 100 V flies by its weight alone, or takes for sinking by 20 d in creeping flow.
+        By default longer than the flight of a grain that leaves the bed at 100 V under weight alone, and than sinking by 20 d in creeping flow takes.
         """
         if self.bed is None:
             return math.inf
@@ -666,7 +668,7 @@ def read(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except RecursionError:
-        raise SceneError(f"scene {str(path)!r} cannot be read: its tables or lists lie too deep in each other") from None
+        raise SceneError(f"scene {str(path)!r} cannot be read: its tables or lists are nested too deeply") from None
     except ValueError as error:  # no TOML, no UTF-8, or an integer of thousands of digits
         raise SceneError(f"scene {str(path)!r} is not valid TOML: {str(error)[0].lower()}{str(error)[1:]}") from None
     except OSError as error:

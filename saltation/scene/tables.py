@@ -77,7 +77,7 @@ class Channel(Table):
     profile: Annotated[str, _one_of([*PROFILES, *REGIMES])] = Field("swamee", description="velocity profile: " + ", ".join([*PROFILES, *REGIMES]))
     roughness_height: float | None = Field(None, gt=0.0, description="k_s, m; default the grain's diameter")
     von_karman: float = Field(VON_KARMAN, ge=1e-3, lt=1.0, description="κ, dimensionless")
-    depth: float | None = Field(None, gt=0.0, description="h of the water above the bed level, m")
+    depth: float | None = Field(None, gt=0.0, description="h, depth of the water above the bed level, m")
 
     @model_validator(mode="after")
     def _one_velocity(self) -> Channel:
@@ -91,16 +91,20 @@ class Bed(Table):
 
     rebound: Annotated[str, _one_of(REBOUNDS)] = Field("tsuji", description="rebound law: " + ", ".join(REBOUNDS))
     roughness: Annotated[str, _one_of(ROUGHNESS)] = Field("R7", description="roughness sub-model: " + ", ".join(ROUGHNESS))
-    reading: Annotated[str, _one_of(READINGS)] = Field("clip", description="range of contact angles, how those beyond 30° are treated: " + ", ".join(READINGS))
-    smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest r/d of the draw, dimensionless (0.1 in the thesis's chapter 4)")
-    span_scatter: bool = Field(True, description="whether contacts tilt across the stream")
+    reading: Annotated[str, _one_of(READINGS)] = Field(
+        "clip", description="contact angles beyond 30°: clip (set to 30°), reject (drawn again), literal (kept), spheres (what a path can reach, lee side too)"
+    )
+    smallest_offset: float = Field(0.0, ge=0.0, lt=0.5, description="smallest offset r/d that is drawn, dimensionless (0.1 in the thesis's chapter 4)")
+    span_scatter: bool = Field(True, description="whether contact planes tilt across the stream")
     restitution: Annotated[float | Literal["set1", "stokes"], BeforeValidator(_restitution)] = Field(
         0.65, description="e, dimensionless: a number from 0 to 1, 'set1' (0.75 − 0.25 T, at least 0) or 'stokes' (0.97 exp(−k/St))"
     )
-    stokes_decay: float | None = Field(None, ge=0.0, description="k of restitution = 'stokes', dimensionless; default by the scene's history (35 without)")
+    stokes_decay: float | None = Field(
+        None, ge=0.0, description="k of restitution = 'stokes', dimensionless; default: fits measured rebounds with the scene's history (35 without)"
+    )
     friction: float | None = Field(None, ge=0.0, description="Coulomb's f, dimensionless (tsuji)")
     tangential_retention: float | None = Field(None, ge=0.0, le=1.0, description="share of the tangential velocity that is kept, dimensionless (garcia_nino)")
-    contact_mass: Literal["dry", "immersed"] = Field("dry", description="whether the added mass takes part in a contact")
+    contact_mass: Literal["dry", "immersed"] = Field("dry", description="'dry': the grain's own mass; 'immersed': with the added mass")
 
     @model_validator(mode="after")
     def _right_restitution(self) -> Bed:
@@ -124,23 +128,25 @@ class Bed(Table):
 
 
 class Rests(Table):
-    """Grains that come to rest and are picked up again; leave the table out where they move all the time."""
+    """Grains that come to rest and are entrained again; leave the table out if they move all the time."""
 
-    entrainment: float = Field(gt=0.0, description="how often a grain at rest is picked up, 1/s: rests are exponential, their mean is 1/entrainment")
+    entrainment: float = Field(
+        gt=0.0, description="entrainment rate of a grain at rest, 1/s: durations of rests are exponentially distributed, with the mean 1/entrainment"
+    )
     rise: float = Field(
         0.05,
         ge=0.0,
         le=1.0,
-        description="a hop no longer than one that rises so high by weight alone ends in a rest, d; default from a pocket to the saddle between two grains",
+        description="a hop no longer in time than one of this rise under weight alone ends in a rest, d; default: from a pocket to the saddle between grains",
     )
 
 
 class Start(Table):
     """The first takeoff; default as in the thesis: 2 u* along and up, 2 u*/d of spin, at the height of a crest contact."""
 
-    velocity: Vector | None = Field(None, description="x, y, z in m/s")
-    spin: Vector | None = Field(None, description="x, y, z in rad/s")
-    height: float | None = Field(None, gt=0.0, description="of the grain's centre above the bed level, m")
+    velocity: Vector | None = Field(None, description="initial velocity (x, y, z), m/s")
+    spin: Vector | None = Field(None, description="initial spin (x, y, z), rad/s")
+    height: float | None = Field(None, gt=0.0, description="height of the grain's centre above the bed level, m")
 
 
 class Solver(Table):
@@ -151,7 +157,7 @@ class Solver(Table):
         1.0e-5,
         ge=1e-10,
         le=1e-2,
-        description="error that one flight adds to a jump's height, length and duration, over the larger of it and the mean jump, dimensionless (collocation)",
+        description="error that one flight adds to a jump's height, length and duration, over the jump or the mean jump if larger, dimensionless (collocation)",
     )
     dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
 
@@ -165,27 +171,27 @@ class Solver(Table):
 
 
 class Cloud(Table):
-    """Many grains instead of one; all set out at once from random places in a layer over the bed."""
+    """Many grains instead of one; all start at once from random positions in a layer above the bed."""
 
     number: int = Field(ge=1, le=10**7, description="number of grains")
-    concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over the volume that their first centres span")
-    layer: float | None = Field(None, gt=0.0, description="height of that volume, m; default two diameters")
-    boundary: Literal["periodic", "open"] = Field("periodic", description="of the area over which they set out, for encounters")
-    spread: float = Field(0.1, ge=0.0, description="standard deviation of the first velocities' components about start.velocity, in units of u*")
-    interval: float = Field(0.1, gt=0.0, description="between two kept positions, in units of d/u*")
+    concentration: float = Field(gt=0.0, le=0.3, description="C_p, dimensionless: volume of the grains over that of the layer in which their centres start")
+    layer: float | None = Field(None, gt=0.0, description="height of that layer, m; default two diameters")
+    boundary: Literal["periodic", "open"] = Field("periodic", description="boundary of the area from which they start, for encounters")
+    spread: float = Field(0.1, ge=0.0, description="standard deviation of each component of the initial velocities about start.velocity, in units of u*")
+    interval: float = Field(0.1, gt=0.0, description="time between two stored positions, in units of d/u*")
 
 
 class Run(Table):
-    """How long, and which random numbers."""
+    """Length of the run, and its random numbers."""
 
     jumps: int | None = Field(None, ge=1, le=10**9, description="number of jumps; or give duration")
     duration: float | None = Field(None, gt=0.0, description="s; or give jumps")
-    discard: int = Field(0, ge=0, description="jumps left out of the statistics at the start")
-    seed: int = Field(1, ge=0, lt=2**63, description="of the bed's random angles")
+    discard: int = Field(0, ge=0, description="number of first jumps of a grain that are left out of the statistics")
+    seed: int = Field(1, ge=0, lt=2**63, description="seed of the random numbers")
     longest_flight: float | None = Field(
-        None, ge=1e-9, description="the run ends with a flight longer than this, in units of d/u*; default 1000, or more where grains fall slowly or in air"
+        None, ge=1e-9, description="a flight longer than this ends the run, in units of d/u*; default 1000, or more where grains fall slowly or in air"
     )
-    trajectory: bool = Field(True, description="whether the path is kept")
+    trajectory: bool = Field(True, description="whether the path is stored in the result")
 
     @model_validator(mode="after")
     def _length(self) -> Run:
@@ -197,33 +203,38 @@ class Run(Table):
 
 
 class Settled(Table):
-    """What the stream and the grains have agreed on."""
+    """The state to which two-way coupling has converged."""
 
-    of: str = Field(description="the key of the scene that was coupled")
-    heights: list[float] = Field(min_length=4, description="of the centre, d")
-    stress: list[float] = Field(min_length=4, description="that grains carry there and the profile is made of, in units of ρu*²")
-    seen: list[float] = Field(min_length=4, description="that grains which fly in this profile carry there, in units of ρu*²")
-    grains: float = Field(description="moving ones per area, 1/m2")
+    of: str = Field(description="hash of the scene that was coupled")
+    heights: list[float] = Field(min_length=4, description="heights of the centre, d")
+    stress: list[float] = Field(min_length=4, description="shear stress of grains at these heights, from which the profile is computed, in units of ρu*²")
+    seen: list[float] = Field(min_length=4, description="shear stress there of the grains simulated in this profile, in units of ρu*²")
+    grains: float = Field(description="moving grains per area of the bed, 1/m2")
     rate: float = Field(description="bed load q/√((s − 1) g d³), dimensionless")
-    rate_uncoupled: float = Field(description="the same of grains in the profile without grains, dimensionless")
-    runs: int = Field(description="how often the grains were flown")
-    averaged: int = Field(0, description="of them with random numbers of their own, whose mean is seen: where chance moves the stress more than the tolerance")
+    rate_uncoupled: float = Field(description="the same in the profile without grains, dimensionless")
+    runs: int = Field(description="number of runs")
+    averaged: int = Field(0, description="number of the runs with random numbers of their own, over which seen is averaged; 0: no averaging")
     change: float = Field(description="largest difference between stress and seen or, where runs are averaged, two standard errors of seen, in units of ρu*²")
 
 
 class Coupling(Table):
-    """What grains do to the stream; `coupling = "two_way"` is this table with its defaults."""
+    """Effect of grains on the stream; `coupling = "two_way"` is this table with its defaults."""
 
     form: Literal["roughness", "two_way"] = Field(
         "two_way", description="'roughness': a layer of jumping grains makes the bed rougher; 'two_way': they take momentum from the stream"
     )
     excess: float = Field(
-        0.0, ge=0.0, le=1.0, description="c₁ of the fluid's stress at the bed, τ_c + c₁(τ₀ − τ_c), which sets the number of grains; 0 is Owen's, dimensionless"
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="c₁ of the fluid's stress at the bed, τ_c + c₁(τ₀ − τ_c), which sets the number of grains, dimensionless; 0: Owen's hypothesis",
     )
-    grains: float | None = Field(None, ge=0.0, description="moving ones per area, 1/m2, for a single grain; default what the stress at the bed says")
-    tolerance: float = Field(1e-3, ge=1e-6, le=0.1, description="of the stresses' sum at every height, in units of ρu*²")
-    runs: int = Field(40, ge=2, le=100_000, description="at most, until stresses agree; chance falls with their root")
-    settled: Settled | None = Field(None, description="what was agreed on: written with a result, not given")
+    grains: float | None = Field(
+        None, ge=0.0, description="moving grains per area of the bed, 1/m2, for a single grain; default: follows from the stress at the bed"
+    )
+    tolerance: float = Field(1e-3, ge=1e-6, le=0.1, description="allowed error of the sum of both stresses at every height, in units of ρu*²")
+    runs: int = Field(40, ge=2, le=100_000, description="largest number of runs until the stresses agree; sampling errors fall with its square root")
+    settled: Settled | None = Field(None, description="the converged state: written with a result, not to be given")
 
     @model_validator(mode="after")
     def _one_number(self) -> Coupling:
@@ -239,15 +250,15 @@ class Coupling(Table):
 class Chosen(Table):
     """How effects = "auto" came to the effects."""
 
-    of: str = Field(description="the key of the scene that said 'auto'")
-    tolerance: float = Field(description="relative, of mean H, L and ū (dimensionless)")
-    status: str = Field(description="of the run with all effects: if it did not finish, all are kept")
+    of: str = Field(description="hash of the scene with effects = 'auto'")
+    tolerance: float = Field(description="allowed relative change of mean height, length and velocity, dimensionless")
+    status: str = Field(description="status of the run with all effects: if it did not finish, all are kept")
     kept: list[str] = Field(description="the effects of the scene")
-    left_out: list[str] = Field(description="those that it can do without")
+    left_out: list[str] = Field(description="the effects left out")
     full: dict[str, float] = Field(description="mean height (d), length (d), velocity (u*) with all effects")
     chosen: dict[str, float] = Field(description="the same with those that are kept, in d, d and u*")
     bounds: dict[str, float | str] = Field(
-        description="largest relative change of them without each effect that is not ruled out, 95 % bounds, dimensionless; or why none"
+        description="upper 95 % bound of the largest relative change of these means without each effect, dimensionless; or why there is none"
     )
-    tried: list[dict[str, Any]] = Field(description="what was left out together, with its bound (dimensionless)")
-    jumps: int = Field(description="jumps flown to find out")
+    tried: list[dict[str, Any]] = Field(description="combinations of effects left out together, each with its bound (dimensionless)")
+    jumps: int = Field(description="number of jumps simulated for the choice")

@@ -97,7 +97,7 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
 def require_bed(scene: Scene) -> None:
     """Only jumps can be compared."""
     if scene.bed is None:
-        raise SceneError("bed is missing: it is jumps that are compared, and without a bed there are none")
+        raise SceneError("bed is missing: jumps are compared, and without a bed there are none")
 
 
 def largest_change(row: Any) -> float:

@@ -1,4 +1,4 @@
-"""What a scene means before it is run: its dimensionless numbers, what will be computed and what not, and what to be wary of."""
+"""A scene before it is run: its dimensionless numbers, what a run computes and what not, and warnings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def numbers(scene: Scene) -> list[Number]:
     """The dimensionless numbers of a scene; those of the stream only where there is one."""
     n = scene.numbers
     found = [
-        Number("rho_s/rho", n.density_ratio, "density of the grain over the fluid's"),
+        Number("ρ_s/ρ", n.density_ratio, "density of the grain over the fluid's"),
         Number("R_p", n.particle_reynolds, "particle Reynolds number √(R g d³)/ν"),
     ]
     if scene.channel is not None and n.stage is not None:
@@ -43,7 +43,7 @@ def numbers(scene: Scene) -> list[Number]:
     if "history" in scene.names:
         found.append(Number("c", n.history, "coefficient of the history force, 9α/√(π Re*)"))
     if scene.bed is not None:
-        found.append(Number("St/V_n", n.stokes(1.0), "collision Stokes number of an impact at unit normal speed V"))
+        found.append(Number("St/V_n", n.stokes(1.0), "collision Stokes number of an impact at the normal speed V"))
     speed = settling_velocity(scene)
     if speed is not None and scene.channel is not None:
         found.append(Number("w_s/u*", speed / n.velocity, "settling velocity over shear velocity"))
@@ -72,7 +72,9 @@ def computed(scene: Scene) -> dict[str, str]:
     if scene.coupling is not None:
         found["coupling"] = _coupling(scene, scene.coupling)
     if scene.rests is not None:
-        found["rests"] = f"of {1.0 / scene.rests.entrainment:g} s on average, after a hop no longer than one that rises {scene.rests.rise:g} d by weight alone"
+        found["rests"] = (
+            f"of {1.0 / scene.rests.entrainment:g} s on average, after a hop no longer in time than one that rises {scene.rests.rise:g} d under weight alone"
+        )
     if scene.bed is not None:
         bed = scene.bed
         friction = f"f = {bed.friction:g}" if bed.friction is not None else f"tangential retention {bed.tangential_retention:g}"
@@ -90,11 +92,11 @@ def computed(scene: Scene) -> dict[str, str]:
     lasts = f"{scene.run.jumps} jumps, the first {scene.run.discard} left out" if scene.run.jumps is not None else time
     found["run"] = f"{lasts}; seed {scene.run.seed}"
     if scene.bed is not None:
-        found["ends early"] = f"where the grain lies still, creeps along the bed or flies longer than {scene.longest_flight:.4g} {unit}"
+        found["ends early"] = f"if the grain comes to rest, creeps along the bed or stays off it longer than {scene.longest_flight:.4g} {unit}"
     if stream is None:
         found["units"] = f"d = {scene.grain.diameter:g} m, V = √(|R| g d) = {scene.numbers.velocity:.4g} m/s, in place of u*; times in d/V"
     if scene.effects == AUTO:
-        found["effects"] = "all of them here; a run first finds out by measurement which can be left out"
+        found["effects"] = "all of them here; a run first determines by simulation which can be left out"
     return found
 
 
@@ -110,18 +112,18 @@ def _coupling(scene: Scene, coupling: Coupling) -> str:
         number = f"{coupling.grains:g} moving grains per m²"
     else:
         number = f"grains until the stream's stress at the bed is τ_c + {coupling.excess:g} (τ₀ − τ_c)"
-    return f"two_way: {number}; flown until stresses add up to {coupling.tolerance:g} ρu*²"
+    return f"two_way: {number}; runs are repeated until the stresses add up within {coupling.tolerance:g} ρu*²"
 
 
 def _memory(scene: Scene, engine: Engine) -> str:
     options = scene.options("history")
-    after = f"; at a rebound: {options.rebound}" if scene.bed is not None else ""
+    after = f"; at an impact: {options.rebound}" if scene.bed is not None else ""
     last = f", the last {options.window_jumps} jumps only" if options.window_jumps is not None else ""
     if scene.solver.method != "collocation":
         slip = f" of the slip at {options.slip_at or 't'}" if options.kernel != "basset" else ""
         return f"{engine.members} components of the slip, {scene.history_rule()!r}, kernel {options.kernel}{slip}{last}{after}"
     grows = engine.problem.end < engine.end or (options.horizon is None and scene.run.duration is None)
-    reach = f"{engine.horizon:g} {_unit_of_time(scene)} long{', more where the run outlasts it' if grows else ''}"
+    reach = f"lags up to {engine.horizon:g} {_unit_of_time(scene)}{', or longer if the run is' if grows else ''}"
     return f"{engine.members} components of the slip × {len(engine.rates)} exponentials, kernel {options.kernel}, {reach}{last}{after}"
 
 
@@ -135,7 +137,7 @@ def left_out(scene: Scene) -> list[str]:
     meaningless = {"encounters"} if scene.cloud is None else set()  # a single grain meets nobody
     missing = [f"{name} (not among the effects)" for name in EFFECTS if name not in scene.names and name not in meaningless]
     if not scene.turns:
-        missing.append("spin (nothing reads it)")
+        missing.append("spin (no effect depends on it)")
     if scene.in_plane:
         missing.append("motion across the stream (two dimensions)")
     if scene.channel is None:
@@ -159,7 +161,7 @@ def _memory_ends(scene: Scene) -> str:
     if time is not None and time <= given:
         return ""
     lasts = "outlasts it" if time is None else f"lasts {time:.4g} {_unit_of_time(scene)} and outlasts it"
-    return f"history.horizon = {given:g} {_unit_of_time(scene)} is given: a run that {lasts} ends there; left out, the memory follows the flights"
+    return f"history.horizon = {given:g} {_unit_of_time(scene)} is given: a run that {lasts} ends there; left out, it grows with the run"
 
 
 def _comes_to_rest(scene: Scene) -> str:
@@ -173,7 +175,7 @@ def _counted_twice(scene: Scene) -> str:
     """A law of the restitution by the Stokes number holds what lubrication takes."""
     if scene.bed is None or scene.bed.restitution != "stokes" or not lubricated(scene):
         return ""
-    return "bed.restitution = 'stokes' counts lubrication, and the effect 'wall' does too: give the dry restitution, such as bed.restitution = 0.97"
+    return "bed.restitution = 'stokes' includes lubrication, and so does the effect 'wall': give the dry restitution, such as bed.restitution = 0.97"
 
 
 def warnings(scene: Scene) -> list[str]:
@@ -184,7 +186,7 @@ def warnings(scene: Scene) -> list[str]:
         profile = scene.channel.profile if scene.channel is not None else ""
         found += [f"{scene.effects}: {text}" for text in differences(scene.preset, profile, scene.cloud is not None, scene.grain.diameter)]
     if n.stage is not None and n.stage < 1.0:
-        found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: the regressions say that nothing jumps")
+        found.append(f"T = {n.stage:.3g} is below 1, the threshold of motion: by the regressions no grain jumps")
     speed = settling_velocity(scene)
     if n.stage is not None and speed is not None and speed < n.velocity and "turbulence" not in scene.names:
         most = n.stage * (speed / n.velocity) ** 2
@@ -198,7 +200,7 @@ def warnings(scene: Scene) -> list[str]:
         found.append(f"the grain may never come down: {why}")
     found += [text for text in (_memory_ends(scene), _comes_to_rest(scene), _counted_twice(scene)) if text]
     if scene.bed is None and scene.run.longest_flight is not None:
-        found.append("run.longest_flight is ignored: without a [bed] there is no flight that is too long")
+        found.append("run.longest_flight is ignored: it is for scenes with a [bed]")
     for name in scene.names:
         found += warnings_of(name, scene.options(name), n)
     return found + left(scene)

@@ -1,4 +1,4 @@
-"""What the choices of a scene do that no measurement has settled: one at a time, and combined."""
+"""The effect of modelling choices that measurements leave open: one at a time, and combined."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def fly(scene: Scene) -> Flown:
     """Fly a scene; SceneError if it does not get to the end of its time, but comes to rest."""
     result = simulation.run(scene)
     if result.status not in ("finished", "at rest"):
-        raise SceneError(f"the scene's flight does not get to the end of the record: it is {result.status}, {result.message}")
+        raise SceneError(f"the simulation does not get to the end of the record: it is {result.status}, {result.message}")
     path, n = result.trajectory, scene.numbers
     axes = [axis for axis in AXES if axis in path]
     jumps = result.all_jumps
@@ -91,7 +91,7 @@ class Comparison:
     Attributes
     ----------
     scene : Scene
-        That was flown: with the fitted values, if there are any, for the time of the record.
+        As simulated: with the fitted values, if there are any, for the time of the record.
     fitted : DataFrame, one row per field that was fitted, in its unit
         value, standard_error, low and high (95 % interval of the profile), blocks_low and blocks_high (95 % interval from blocks of residuals), least and most
         (the range that was searched), unit.
@@ -104,7 +104,7 @@ class Comparison:
     held : dict
         Fields of the scene that were not fitted, as the scene gives them, in their units.
     notes : tuple of str
-        What to be wary of, one sentence each.
+        Warnings, one sentence each.
 
     Examples
     --------
@@ -137,14 +137,14 @@ def compare(
     error: float | Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Compare a measured motion with the flight of a scene of one grain, over still or flowing water, without a bed or over a flat one; and fit fields of it.
+    """Compare a measured motion with a simulated one of one grain, in still or flowing water, without a bed or over a flat one, and fit fields of the scene.
 
     Parameters
     ----------
     record : path, DataFrame or mapping of columns (n,)
         One trajectory: times and at least one of x, y, z (of the centre), gap (from the bed to the grain), u, v, w (along, across, up), speed, depth or fall
         velocity, each under its name, with its unit or in SI: "t (ms)", "gap (mm)". A file is a table of text (.csv, .txt, .dat, .tsv) or netCDF-3 (.nc); what
-        is missing is NaN, empty or NA. x and y, without a bed and a channel also z, and depth are compared but for a constant.
+        is missing is NaN, empty or NA. x, y and depth, without a bed and a channel also z, are compared up to a constant.
     scene : Scene
         From `saltation.load`. Its [run] is not used.
     fit : str, sequence of str, or mapping of str to (low, high) or None
@@ -153,22 +153,22 @@ def compare(
         one: what is possible for restitution; of start.velocity.* and start.height what the record's first samples say; else from a quarter to four times the
         scene's value.
     columns : sequence of str
-        Names of a file's columns, in place of those that it has.
+        Names of a file's columns, in place of its own.
     start : float, s
         The record's time at which the scene starts; what is earlier is left out. Default: its first time.
     contact : float, s
-        Instead of start: the record's time of the first contact. The scene starts as long before as it flies until then.
+        Instead of start: the record's time of the first contact. The scene starts earlier by the time that its grain takes to the contact.
     until : float, s
-        What is later is left out.
+        Later samples are left out.
     error : float or mapping of quantity to float, m or m/s
-        Standard deviation of the record's noise. Default: of what in the record is not smooth.
+        Standard deviation of the record's noise. Default: estimated from deviations of the samples from a smooth curve.
     progress : callable or None
         Called with the share that is done, 0 to 1 (dimensionless).
 
     Returns
     -------
     Comparison
-        In SI; see there.
+        In SI units.
 
     Raises
     ------
@@ -228,7 +228,7 @@ class Problem:
             if value is not None:
                 _validate.number(name, value, "a time in seconds")
         if start is not None and contact is not None:
-            raise ValueError("give either start or contact: the one follows from the other by the flight of the scene")
+            raise ValueError("give either start or contact: each follows from the other by the simulation")
         if contact is not None and scene.bed is None:
             raise ValueError("contact is the time at which the grain first meets the bed, and the scene has none: give start, or add a [bed]")
         given = start if start is not None else contact
@@ -247,13 +247,13 @@ class Problem:
         self.check_quantities()
         self.floating = [name for name in self.values if self.floats(name)]
         if ZERO in fit and not any(name in ("z", "gap") and name not in self.floating for name in self.values):
-            raise ValueError("'zero' is the record's zero of heights, which has a place only where z or gap is compared over a bed: leave it out")
+            raise ValueError("'zero' is the record's zero of heights, which matters only where z or gap is compared over a bed: leave it out")
         self.noise, self.given = self.noises(error)
         self.flights: dict[tuple[float, ...], Flown] = {}
         self.steps: Callable[[], None] = lambda: None
         self.flown = [k for k, name in enumerate(self.names) if name not in (CLOCK, ZERO)]
         if len(self.names) > MOST:
-            raise ValueError(f"fit must be {MOST} fields or fewer, got {len(self.names)}: no record of one grain tells more apart")
+            raise ValueError(f"fit must be {MOST} fields or fewer, got {len(self.names)}: a record of one grain cannot determine more")
         self.low, self.high = np.array([self.range_of(name, given) for name, given in fit.items()]).reshape(-1, 2).T
         if self.by_contact:
             self.fall = 1.5 * self.first_contact()
@@ -295,7 +295,7 @@ class Problem:
         for name, values in self.values.items():
             noise = noise_of(self.times, values)
             if noise is None and len(self.values) > 1:
-                raise ValueError(f"error must be given, or {name!r} have seven samples or more, from which a noise can be told")
+                raise ValueError(f"error must be given, or {name!r} have seven samples or more, from which the noise is estimated")
             found[name] = 1.0 if noise is None else max(noise, FAINTEST * float(np.nanmax(values) - np.nanmin(values)), 1e-12)
         return found, False
 
@@ -485,22 +485,22 @@ class Problem:
     def notes(self, fitted: pd.DataFrame, misfit: pd.DataFrame, counts: Mapping[str, Any]) -> Iterator[str]:
         """What to be wary of."""
         if self.record.left_out:
-            yield f"left out: {', '.join(map(repr, self.record.left_out))}, which are no quantities that are compared"
+            yield f"left out: {', '.join(map(repr, self.record.left_out))}, which are not quantities that can be compared"
         if self.earlier:
             yield f"{self.earlier} times of the record before the scene's start are left out"
         if self.floating:
-            yield f"{', '.join(self.floating)}: compared but for a constant, as nothing says where their zero lies"
+            yield f"{', '.join(self.floating)}: compared up to a constant, because their zero is not known"
         for name, values in self.values.items():
             beside = int(np.isfinite(values).sum() - counts[name].sum())
             if beside:
-                yield f"{name}: {beside} samples beside a contact, where velocities jump, do not count"
+                yield f"{name}: {beside} samples next to a contact, where velocities jump, are not compared"
         for name, row in fitted.iterrows():
             width = row["high"] - row["low"]
             if min(row["value"] - row["least"], row["most"] - row["value"]) <= 1e-6 * (row["most"] - row["least"]):
-                yield f"{name} lies at the end of its range, {row['least']:.6g} to {row['most']:.6g}: a wider one may hold a better value"
+                yield f"{name} lies at the end of its range, {row['least']:.6g} to {row['most']:.6g}: a wider range may contain a better value"
             if row["blocks_high"] - row["blocks_low"] > TIED * width:
                 yield (
-                    f"{name}: neighbouring residuals hang together, so that they are no noise: the interval from blocks of them is the wider, "
+                    f"{name}: neighbouring residuals are correlated, so they are not noise alone: the interval from blocks of them is wider, "
                     f"{row['blocks_low']:.6g} to {row['blocks_high']:.6g}"
                 )
         for name, row in misfit.iterrows():
@@ -513,11 +513,9 @@ def check_scene(scene: Scene) -> None:
     if scene.cloud is not None:
         raise SceneError("cloud: a record is of one grain: leave the table out")
     if scene.effects == AUTO:
-        raise SceneError("effects = 'auto' chooses by the means of many jumps: list the effects that act on the grain of the record")
+        raise SceneError("effects = 'auto' needs the means of many jumps: list the effects that act on the grain of the record")
     if scene.bed is not None and scene.bed.roughness != "flat":
-        raise SceneError(
-            f"bed.roughness must be 'flat', got {scene.bed.roughness!r}: over a rough bed contacts are drawn at random, and no record can follow them"
-        )
+        raise SceneError(f"bed.roughness must be 'flat', got {scene.bed.roughness!r}: over a rough bed contacts are random, and cannot be those of a record")
 
 
 def floor_of(scene: Scene) -> float:

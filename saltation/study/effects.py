@@ -84,7 +84,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
     numbers = setting.numbers
     options = scene.options(name)
     if name == "weight":
-        return 1.0, f"τ* = {numbers.shields:.3g}: without weight nothing comes down"
+        return 1.0, f"τ* = {numbers.shields:.3g}: without weight no grain comes down"
     if name == "history":
         change = 2.0 * jump.rise
         share = numbers.history * change * 2.0 / math.sqrt(jump.duration) / (numbers.alpha * weight)
@@ -95,7 +95,7 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
         return share, f"C_m/(ρ_s/ρ + C_m) with ρ_s/ρ = {numbers.density_ratio:.3g}: share of the inertia"
     if name == "encounters":
         if scene.cloud is None:
-            return 0.0, "a single grain meets no other"
+            return 0.0, "a single grain has no encounters"
         often = 6.0 / math.pi * scene.cloud.concentration * math.pi * 1.5 * jump.duration
         return often, f"about {often:.2g} encounters per jump at C_p = {scene.cloud.concentration:g} (kinetic theory, relative speed 1.5 V)"
     met = situations(scene, jump)
@@ -110,16 +110,16 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
             share += float(np.sum((np.array(drag.force(pushed)) - drag.force(s)) ** 2)) / len(met)
             least = min(least, float(found.time))
         share = math.sqrt(share) / weight
-        deep = "" if scene.channel.depth is not None else "; the depth is not given (channel.depth), and taken to be large"
-        return share, f"{_multiple(share)} the submerged weight is what fluctuations change the drag by, in eddies that last {least:.2g} d/u* or more{deep}"
+        deep = "" if scene.channel.depth is not None else "; channel.depth is not given and taken as large"
+        return share, f"fluctuations change the drag by {_multiple(share)} the submerged weight, with time scales from {least:.2g} d/u* on{deep}"
     built = module.build(options, setting)
     if name == "rotation":
         if built is None:
             return 1.0, "the spin is prescribed"
         loss = max(abs(built.torque(s)[1]) for s in met) * jump.duration / max(jump.spin, 1e-300)
         if loss >= 1.0:
-            return 1.0, f"friction takes the spin within {jump.duration / loss:.2g} d/V, in a jump of {jump.duration:.2g} d/V all of it"
-        return loss, f"in a jump of {jump.duration:.2g} d/V friction changes the spin by {loss:.1%}"
+            return 1.0, f"viscous torque stops the spin within {jump.duration / loss:.2g} d/V, less than a jump of {jump.duration:.2g} d/V"
+        return loss, f"in a jump of {jump.duration:.2g} d/V viscous torque changes the spin by {loss:.1%}"
     if built is None:
         return 0.0, "no force in this form"
     forces = np.array([built.force(s) for s in met])
@@ -199,12 +199,12 @@ def reduced(scene: Scene) -> dict[str, Scene]:
 
 
 def choose(scene: Scene, tolerance: float | None = None, executor: Executor | None = None, *, progress: Progress | None = None) -> Scene:
-    """The scene with few effects: those that keep its mean H, L and ū within a relative tolerance (default the scene's, or 0.05) of those with all of them.
+    """The scene with fewer effects: enough to keep mean H, L and ū within a relative tolerance (default the scene's, or 0.05) of those with all effects.
 
-    Effects that the ablation finds within the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out together; while that is too
-    much, the one that changes most is put back. What can only then be left out is tried last. A bound is that of one look: looking again and at many effects
-    makes a wrong one likelier than 5 %, for changes next to the tolerance. The same scene always comes to the same choice. A scene that does not
-    finish with all its effects keeps them. The field `chosen` of what is returned holds the evidence.
+    Effects whose removal changes less than the tolerance (95 % bounds, with up to 20 000 jumps where that decides) are left out together; while the sum of
+    them changes too much, the one that changes most is put back. What can be left out only then is tried last. The bounds are not corrected for repeated
+    and multiple tests: for changes near the tolerance a wrong choice is likelier than 5 %. The same scene always gives the same choice. A scene that does not
+    finish with all its effects keeps them. The field `chosen` of the scene returned records the choice.
     """
     if tolerance is None:
         tolerance = scene.tolerance or TOLERANCE

@@ -487,24 +487,24 @@ def select_scheme(
     seconds: float | None = None,
     say: Say | None = None,
 ) -> pd.DataFrame:
-    """Rank the history schemes for a scene by the time in which they keep an error of its mean jumps.
+    """Rank the history schemes for a scene by the computing time they take to keep a given error of its mean jump.
 
-    Every scheme of `basset.SCHEMES`, window, tail and solver that the scene accepts flies the same beds as collocation with a tight rtol: the error is that
-    of mean height, length and speed, the largest of the three. A step that is not flown is judged by the measured order of the error and the measured growth of
-    the time; an error does not count as small where step and truncation cancel. Of a [cloud] one grain is flown alone.
+    Every scheme of `basset.SCHEMES`, window, tail and solver that the scene accepts is run over the same beds as collocation with a tight rtol: the error is
+    the largest of those of mean height, length and velocity. Steps that are not run are judged by the measured order
+    of the error and growth of the time; an error does not count as small where those of step and truncation cancel. Of a [cloud] one grain is run alone.
 
     Parameters
     ----------
     scene : Scene
-        With a bed and with history among its effects; kernel and rebound stay, the words of its own scheme are replaced.
+        With a bed and with history among its effects; history.kernel and history.rebound stay, its scheme is replaced.
     error : float, dimensionless
-        Wanted error of the means, relative, 1e-4 to 0.5.
+        Relative error of the means to keep, 1e-4 to 0.5.
     dt : float, d/u*, optional
-        A given step: solvers with fixed steps alone.
+        Step to use: only solvers with fixed steps are ranked.
     executor : concurrent.futures.Executor, optional
-        For the runs beside the reference; times are measured here.
+        For the runs that are compared with the reference; times are measured in this process.
     seconds : float, s, optional
-        CPU time that the scene's run may take: the most exact one within it comes first.
+        CPU time that the scene's run may take: the most accurate candidate within it comes first.
     say : callable or None
         Called with a line of text for each part of the work.
 
@@ -538,9 +538,9 @@ def select_scheme(
         if value is not None:
             _validate.positive(name, value)
     if dt is not None and seconds is not None:
-        raise ValueError("give either dt or seconds: at a given dt the time is what it is")
+        raise ValueError("give either dt or seconds: dt decides the time")
     if "history" not in scene.names:
-        raise SceneError("effects: 'history' is not among them, so there is no history scheme to choose")
+        raise SceneError("effects must include 'history': without it there is no history scheme to choose")
     cases.require_bed(scene)
     tell = say or (lambda text: None)
     if scene.effects == AUTO:
@@ -666,7 +666,7 @@ def verdict(table: pd.DataFrame) -> str:
     text = f"{best['solver']} with {best['scheme']} at {step}: means {kept}, found {best['error']:.2g} (95 % bound{flown}), {best['seconds']:.2g} s per jump"
     rivals = (collocation if best["solver"] != COLLOCATION else fixed).query("keeps").sort_values("seconds")
     if rivals.empty:
-        return f"{text}; no {'fixed steps' if best['solver'] == COLLOCATION else 'collocation'} seen to keep it"
+        return f"{text}; no {'fixed-step candidate' if best['solver'] == COLLOCATION else 'collocation'} keeps it"
     rival = rivals.iloc[0]
     fixed_one = f"{rival['scheme']} ({rival['solver']}, dt = {rival['dt']:g} {unit})"
     what = f"collocation at rtol = {rival['rtol']:g}" if rival["solver"] == COLLOCATION else fixed_one

@@ -315,7 +315,7 @@ class TestAuto:
         scene = saltation.load("sand")
         made = scene.changed(chosen=EVIDENCE | {"kept": list(scene.names)})
         assert cases.without(made, ["lift"]).chosen is None
-        with pytest.raises(SceneError, match="chosen is written with the effects"):
+        with pytest.raises(SceneError, match="chosen records how effects"):
             scene.changed(chosen=EVIDENCE)
 
     def test_arguments_are_looked_at_first(self, three, monkeypatch):

@@ -336,7 +336,7 @@ def test_run_prints_means_with_errors_and_what_to_be_wary_of(saved):
     for name, row in summary.iterrows():
         (line,) = [line for line in out.stdout.splitlines() if line.split()[:1] == [name]]
         assert line.split()[1:4] == [f"{row[key]:.4g}" for key in ("mean", "standard_error", "standard_deviation")]
-    for word in ("finished", "20 jumps count", "bed load", "clipped"):
+    for word in ("finished", "20 jumps counted", "bed load", "clipped"):
         assert word in out.stdout
     assert out.stderr == ""  # no terminal: no progress
     coarse = CliRunner().invoke(cli.main, ["run", "sand_coarse", "--set", "run.jumps=40"])

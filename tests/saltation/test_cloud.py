@@ -174,7 +174,7 @@ def test_killed_or_stopped_at_any_time_it_goes_on(whole, monkeypatch, tmp_path):
     assert ended[0] == -signal.SIGKILL or ended[2] == -signal.SIGKILL
     done = CliRunner().invoke(cli.main, words(folder, whole.scene))
     assert (done.exit_code, done.stderr) == (0, "")
-    assert done.stdout.startswith("finished: the time is over")
+    assert done.stdout.startswith("finished: run.duration is reached")
     same(saltation.open(folder), whole)
     assert not list(folder.glob(".*"))
 

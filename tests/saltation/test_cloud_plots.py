@@ -75,7 +75,7 @@ def cloud(met=True, kept=True, made=None):
     met_table = pd.DataFrame(dict(zip(layout.ENCOUNTER_COLUMNS, table.T, strict=True))).astype({"first": np.int32, "second": np.int32})
     path = path_dataset(made, times, values) if kept else None
     fates = pd.DataFrame({"grain": [], "time": [], "fate": []})
-    return Result(made, pd.DataFrame(rows), "finished", "the time is over", {"seed": 1}, END, met_table, fates, path)
+    return Result(made, pd.DataFrame(rows), "finished", "run.duration is reached", {"seed": 1}, END, met_table, fates, path)
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +278,7 @@ def test_without_encounters(name):
 
 @pytest.mark.parametrize("name", sorted({*CLOUD_PLOTS} - {"encounters", "jumps", "stream"}))
 def test_without_paths(name):
-    with pytest.raises(ValueError, match=r"trajectory was not kept: set run\.trajectory = true"):
+    with pytest.raises(ValueError, match=r"trajectory was not stored: set run\.trajectory = true"):
         CLOUD_PLOTS[name](cloud(kept=False))
 
 

@@ -164,7 +164,7 @@ def test_a_sphere_without_a_bed_and_its_depth():
     )
     assert found.points["z_residual"].abs().max() < 1e-4 * fallen[-1]
     assert found.misfit.loc["w", "largest"] < 1e-3 * speed[-1] and found.misfit.loc["speed", "largest"] < 1e-3 * speed[-1]
-    assert any(note.startswith("z: compared but for a constant") for note in found.notes)
+    assert any(note.startswith("z: compared up to a constant") for note in found.notes)
 
 
 def test_a_grain_that_has_come_to_rest_stays_there():
@@ -262,7 +262,7 @@ def test_a_wrong_model_is_told_from_noise():
     found = compare({"t": TIMES, "z": z + 1e-5 * rng.normal(size=len(z))}, bouncer(), "bed.restitution")
     row = found.fitted.loc["bed.restitution"]
     assert row["blocks_high"] - row["blocks_low"] > 1.5 * (row["high"] - row["low"])
-    assert sum("hang together" in note or "times the record's noise" in note for note in found.notes) == 2
+    assert sum("are correlated" in note or "times the record's noise" in note for note in found.notes) == 2
 
 
 def test_a_bound_is_the_end_of_an_interval_and_told():
@@ -293,7 +293,7 @@ def test_the_command_says_misfit_fit_and_what_was_held(fallen, tmp_path):
     for suffix in ("csv", "png"):
         done = invoke(fallen, "bouncing", "--fit", "start.height", "--error", "1e-6", "--output", tmp_path / f"out.{suffix}")
         assert done.exit_code == 0, done.output
-        for words in ("rms off", "start.height", "95 % interval", "bed.restitution = 0.8", "left out: 'frame'", f"written: {tmp_path}/out.{suffix}"):
+        for words in ("rms residual", "start.height", "95 % interval", "bed.restitution = 0.8", "left out: 'frame'", f"written: {tmp_path}/out.{suffix}"):
             assert words in done.output.replace("\n", " ") or words in done.output
     assert list(pd.read_csv(tmp_path / "out.csv")) == ["time", "z", "z_model", "z_residual", "z_counts"]
 

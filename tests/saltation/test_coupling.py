@@ -253,7 +253,7 @@ def test_a_layer_of_grains_makes_the_bed_rougher():
     ("changes", "words"),
     [
         ({"coupling": "two-way"}, "coupling must be one of 'none', 'roughness', 'two_way' or a table, got 'two-way'; did you mean 'two_way'?"),
-        ({"coupling": "roughness", "channel": {"profile": "reichardt"}}, "can be rougher, one of swamee, yalin, constant_b"),
+        ({"coupling": "roughness", "channel": {"profile": "reichardt"}}, "a profile with a roughness length, one of swamee, yalin, constant_b"),
         ({"coupling": {"form": "roughness", "excess": 0.1}}, "coupling.excess belongs to form = 'two_way'"),
         ({"coupling": {"grains": 1e5, "excess": 0.1}}, "excess and grains exclude each other"),
         ({"coupling": {"grains": 1e12}}, "coupling.grains must be 2.1e+06 1/m2 or less, one for each d² of the bed, got 1e+12"),

@@ -345,7 +345,7 @@ def there_and_back(result, folder, tables):
     if result.scene.run.trajectory:
         assert found.trajectory.identical(result.trajectory)
     else:
-        with pytest.raises(ValueError, match="not kept"):
+        with pytest.raises(ValueError, match="not stored"):
             _ = found.trajectory
     found.save(folder / "b.nc")
     assert (folder / "a.nc").read_bytes() == (folder / "b.nc").read_bytes()

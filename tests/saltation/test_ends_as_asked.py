@@ -214,7 +214,7 @@ def test_what_check_passes_runs(dt, window, tail):
 @pytest.mark.parametrize("interval", [1e-300, 1e-9, 1e-6])
 def test_a_cloud_that_would_keep_too_much(interval):
     content = merged(case("sand_cloud"), {"cloud": {"interval": interval}})
-    with pytest.raises(SceneError, match=r"cloud\.interval must leave"):
+    with pytest.raises(SceneError, match=r"cloud\.interval must give"):
         scene_of(content)
 
 

@@ -356,7 +356,7 @@ class TestFiles:
             if made.run.trajectory:
                 assert found.trajectory.identical(result.trajectory) and len(found.jumps) == 0
             else:
-                with pytest.raises(ValueError, match="not kept"):
+                with pytest.raises(ValueError, match="not stored"):
                     _ = found.trajectory
 
     def test_a_failure_leaves_the_old_file(self, sand, tmp_path, monkeypatch):

@@ -218,7 +218,7 @@ def test_a_grain_that_never_comes_down_is_announced():
 
 def test_check_says_which_treatments_of_the_history_measured_bounces_reject():
     def said(**history):
-        return [text for text in checks.warnings(changed("sand", history=history)) if "measured normal rebounds reject it" in text]
+        return [text for text in checks.warnings(changed("sand", history=history)) if "measured normal rebounds contradict it" in text]
 
     for rebound in ("reset", "none"):
         (text,) = said(rebound=rebound)

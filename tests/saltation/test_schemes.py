@@ -224,7 +224,7 @@ def test_pairs_over_the_same_bed_have_no_scatter_of_the_bed():
     ("words", "said"),
     [
         (["settling"], "bed is missing"),
-        (["sand", "--set", "effects=['weight','drag']"], "'history' is not among"),
+        (["sand", "--set", "effects=['weight','drag']"], "effects must include 'history'"),
         (["sand", "--error", "0.9"], "error must lie between 0.0001 and 0.5, got 0.9"),
         (["sand", "--dt", "-1"], "dt must be a finite number greater than 0, got -1"),
         (["sand", "--dt", "0.001", "--seconds", "1"], "either dt or seconds"),

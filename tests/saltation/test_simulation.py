@@ -38,7 +38,7 @@ class TestEndings:
         end = 0.5 * (usual.jumps["start"][19] + usual.jumps["start"][20])
         n = usual.scene.numbers
         result = saltation.run(sand(run={"jumps": None, "duration": end * n.time, "discard": 0}))
-        assert result.status == "finished" and result.message == "the time is over"
+        assert result.status == "finished" and result.message == "run.duration is reached"
         assert result.all_jumps.equals(usual.all_jumps.iloc[:19])
         path = result.trajectory
         assert float(path["time"][-1]) == pytest.approx(end, rel=1e-14)
