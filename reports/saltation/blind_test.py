@@ -8,14 +8,14 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-from basset._look import BLUE, GREY, ORANGE
+from basset._look import BLUE, GREY, ORANGE, legend
 from bench.grains import base
 from bench.grains import changed as scene_with
 from bench.suites.blind import CHOSEN, THESIS
 from bench.suites.saltation import SCENES as SCENE_OF
 from reports import blind
 from reports.saltation.records import QUANTITIES, SIZES, ticks
-from reports.site.page import finished, save, table
+from reports.site.page import save, table
 from reports.words import Record, factor, of, span
 from saltation.closures import outside
 from saltation.scene import Scene, load, scene_of
@@ -149,7 +149,9 @@ def draw_open(own: Record) -> Any:
     axes.set_yticks(range(len(rows)), [title for title, _ in rows])
     axes.set(xlabel="H / H with the laws chosen by range, over all stages")
     axes.grid(visible=False, axis="y")
-    return finished(figure, axes, 2, "How far the open choices reach, one at a time; what measured rebounds have settled (grey) is off the list")
+    figure.suptitle("How far the open choices reach, one at a time; what measured rebounds have settled (grey) is off the list")
+    legend(figure, axes, 2)
+    return figure
 
 
 def fields(own: Record) -> dict[str, Any]:

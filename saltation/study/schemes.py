@@ -139,6 +139,10 @@ class Sample:
         """Largest change as found."""
         return cases.largest_change(self.row)
 
+    def tells(self, error: float) -> bool:
+        """Whether it decides if an error is kept."""
+        return self.status != "finished" or self.bound <= error or max(np.abs(self.change) - cases.BOUND * self.error, default=0.0) > error
+
 
 @dataclass
 class Entry:
@@ -359,8 +363,7 @@ class Trial:
         runs = least
         while True:
             found = self.sample(entry, size, runs)
-            surely = max((abs(c) - cases.BOUND * e for c, e in zip(found.change, found.error, strict=True)), default=0.0) > error
-            if found.status != "finished" or found.bound <= error or surely or runs >= most:
+            if found.tells(error) or runs >= most:
                 return found
             runs = min(most, 4 * runs)
 
