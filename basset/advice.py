@@ -23,7 +23,7 @@ from basset import __version__, _validate, measure
 from basset.evaluate import cumulate
 from basset.exponentials import ExponentialSum
 from basset.kernels import BassetKernel, Floats, Kernel, checked_kernel
-from basset.quadrature import Brush, Daitche, EulerMaclaurin, Exponential, Hinsberg, Rule, SemiDerivative, Windowed
+from basset.quadrature import Daitche, Exponential, Hinsberg, Rule, Windowed, by_default
 from basset.solvers.stability import longest_step
 from basset.streaming import LONGEST
 from basset.weights import Recipe
@@ -412,8 +412,9 @@ class Job:
 
 def families(job: Job) -> Iterator[Family]:
     """Every scheme that is considered; a window without tail is not, as it keeps no error."""
-    for scheme in (SemiDerivative, EulerMaclaurin, Brush):
-        yield partial(_at_any_step, scheme())
+    for rule in by_default():
+        if not isinstance(rule, (Daitche, Exponential, Hinsberg)):  # these with other parameters
+            yield partial(_at_any_step, rule)
     yield lambda dt: Hinsberg(BLOCK * dt)
     digits = max(1e-14, min(0.1, TAIL_SHARE * job.error / job.signal.margin))
     decade = math.floor(math.log10(digits))

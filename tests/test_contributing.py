@@ -28,15 +28,22 @@ def test_the_worked_example_works(section, tmp_path):
         copy(ROOT / name, tmp_path / name)
     blocks, commands = BLOCK.findall(SECTIONS[section]), COMMAND.findall(SECTIONS[section])
     assert len(commands) == 1
+    added = []
     for path, table, code in blocks:
         file = tmp_path / path
         if not table:
             assert not file.exists(), f"{path} is there already: the example needs another"
             file.write_text(code, encoding="utf-8")
+            added.append(path)
+            assert len(code.splitlines()) <= 60
             continue
         before = file.read_text(encoding="utf-8")
         start = re.search(rf"^{table}\b.*[({{]\n", before, re.M)
         file.write_text(before[: start.end()] + code + before[start.end() :], encoding="utf-8")
+    if added:
+        for check in (["check"], ["format", "--check"]):
+            linted = subprocess.run([sys.executable, "-m", "ruff", *check, *added], cwd=tmp_path, capture_output=True, text=True, check=False)
+            assert linted.returncode == 0, linted.stdout + linted.stderr
     words = [*shlex.split(commands[0])[1:], "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "--durations=3"]
     surroundings = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}  # the same source, and nothing to compile
     done = subprocess.run([sys.executable, "-m", "pytest", *words], cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from typing import Any
+from dataclasses import MISSING, fields
+from typing import Any, cast
 
 from basset import _validate
 from basset.quadrature.brush import Brush
@@ -56,6 +57,11 @@ def _found() -> dict[str, type[Rule]]:
 
 
 SCHEMES: dict[str, type[Rule]] = _Schemes(_found())
+
+
+def by_default() -> list[Rule]:
+    """A rule of every scheme whose parameters all have defaults."""
+    return [scheme() for scheme in SCHEMES.values() if all(field.default is not MISSING for field in fields(cast(Any, scheme)))]
 
 
 def resolve(rule: Any) -> Rule:

@@ -17,7 +17,6 @@ class Simpson(Stencil):
     """g_n ∫K on the last step, Simpson's rule on all older pairs of panels."""
 
     reach: ClassVar[int] = 2  # the trapezoid's and Simpson's last
-    first: ClassVar[int] = 3  # a panel of Simpson
 
     def short(self, n: int, kernel: Kernel, input: str) -> Floats:
         """The last step alone, or with a trapezoid."""

@@ -8,7 +8,8 @@ from typing import ClassVar
 from basset import _validate
 from basset.kernels import AnyKernel
 from basset.quadrature.rule import Rule
-from basset.weights.polynomials import MAXIMUM_ORDER, Product
+from basset.weights.lagrange import MAXIMUM_ORDER
+from basset.weights.polynomials import Product
 from basset.weights.table import Recipe
 
 

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from basset import _validate
-from basset.exponentials import ExponentialSum
-from basset.kernels import AnyKernel, BassetKernel, Kernel, VaryingSlipKernel
+from basset.kernels import AnyKernel, BassetKernel, Kernel
 from basset.quadrature.daitche import Daitche
 from basset.quadrature.rule import Rule, accept
-from basset.spectrum import following_sum
 from basset.streaming.uneven import UnevenPlan
-from basset.weights.polynomials import MAXIMUM_ORDER, Product
+from basset.weights.lagrange import MAXIMUM_ORDER
+from basset.weights.polynomials import Product
 from basset.weights.table import Recipe
 from basset.weights.uneven import HIGHEST
 
@@ -81,13 +80,7 @@ class Exponential(Rule):
 
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """The newest panels, and a sum fitted to step and horizon."""
-        steps = self.order // 2 + 1
-        near = steps * dt
-        if isinstance(kernel, VaryingSlipKernel):
-            tail = following_sum(near, max(horizon, 2.0 * near), self.rtol, kernel)
-        else:
-            tail = ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), self.rtol, kernel)  # a jump may lie before the first sample
-        return Recipe(Product(self.order), steps, tail, self.order)
+        return Recipe(Product(self.order), degree=self.order).with_tail(self.order // 2 + 1, self.rtol, dt, horizon, kernel)
 
     def uneven_plan(self, horizon: float, shortest: float | None = None, kernel: Kernel = BassetKernel()) -> UnevenPlan:
         """Make the rule ready to stream samples at nonuniform times, with the same error bound: all set-up happens here. Order 1, 2 or 3.

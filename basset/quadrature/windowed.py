@@ -101,7 +101,4 @@ class Windowed(Rule):
     def recipe(self, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
         """That of the rule inside, on the window."""
         inside, steps = self.rule.recipe(dt, horizon, kernel), whole_steps(self.window, dt)
-        least = max(1, inside.degree) // 2 + 1 if self.tail is not None else 1
-        if steps < least:
-            raise ValueError(f"window must be at least {least} steps of dt = {dt:g} seconds under a tail, got {self.window:g}")
         return replace(inside, window=steps, tail=None if self.tail is None else checked_tail(self.tail, steps * dt, horizon, kernel))

@@ -19,7 +19,7 @@ from basset.solvers.stability import IN_A_ROW, bounds, degree_of, longest_step, 
 from basset.solvers.stepper import AT_REST, END, FULL, NOT_FINITE, STOPPED, TROUBLE
 from basset.spectrum import STAYS
 from basset.streaming import Plan, State
-from basset.weights.polynomials import lagrange
+from basset.weights.lagrange import lagrange
 
 
 @lru_cache(maxsize=64)

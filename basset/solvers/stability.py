@@ -17,7 +17,7 @@ import numpy as np
 from basset import _validate
 from basset.kernels import BassetKernel, Floats, gauss_legendre
 from basset.quadrature import Rule, resolve
-from basset.weights.polynomials import lagrange
+from basset.weights.lagrange import lagrange
 from basset.weights.table import Recipe
 
 LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then

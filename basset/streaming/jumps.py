@@ -12,7 +12,7 @@ from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.streaming.state import State, Tables, sample_of
 from basset.weights import Recipe
-from basset.weights.polynomials import GAUSS, lagrange, panel_basis
+from basset.weights.lagrange import GAUSS, lagrange, panel_basis
 
 
 class WithJumps:

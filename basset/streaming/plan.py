@@ -28,7 +28,7 @@ from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.streaming.jumps import WithJumps
 from basset.streaming.state import Array, AtNewest, State, Tables, beyond, block_of, owned, sample_of, shaped
-from basset.weights.polynomials import lagrange
+from basset.weights.lagrange import lagrange
 from basset.weights.table import TABLES, Recipe, WeightTable, filtered_by, table
 
 LONG_WINDOW = 256  # from here on a whole path is convolved by FFT

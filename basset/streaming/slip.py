@@ -28,7 +28,7 @@ from basset.exponentials import ExponentialSum
 from basset.kernels import Floats, MeiAdrianKernel, VaryingSlipKernel, gauss_legendre
 from basset.spectrum import SlipTable, grid_of, pieces_between, slip_table
 from basset.streaming.state import beyond, block_of, owned, sample_of, shaped
-from basset.weights.polynomials import lagrange
+from basset.weights.lagrange import lagrange
 from basset.weights.table import Recipe, Stencil, WeightTable
 
 

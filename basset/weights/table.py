@@ -13,14 +13,16 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from basset.exponentials import ExponentialSum
-from basset.kernels import Floats, Kernel
+from basset.kernels import AnyKernel, Floats, Kernel, VaryingSlipKernel
+from basset.spectrum import following_sum
+from basset.weights.lagrange import MAXIMUM_ORDER, row_by_panels
 
 INPUTS = ("rate", "slip")
 
@@ -39,8 +41,8 @@ class Stencil(abc.ABC):
 
     @property
     def first(self) -> int:
-        """The smallest n ≥ 1 whose row splits into interior and oldest; at least reach − 1."""
-        return 1
+        """The smallest n ≥ 1 whose row splits into interior and oldest, at least reach − 1; here the first that keeps as many samples apart from both ends."""
+        return 2 * self.reach - 1
 
     @abc.abstractmethod
     def interior(self, start: int, stop: int, kernel: Kernel, input: str) -> Floats:
@@ -51,8 +53,8 @@ class Stencil(abc.ABC):
         """Weights of the `reach` oldest samples, oldest first, for each n ≥ first: (len(n), reach)."""
 
     def short(self, n: int, kernel: Kernel, input: str) -> Floats:
-        """The whole row (n+1,), newest first, for 1 ≤ n < first; to be given where first is above 1."""
-        raise AssertionError(f"{type(self).__name__} splits every row")
+        """The whole row (n+1,), newest first, for 1 ≤ n < first ≤ 21; here product integration of the degree that n + 1 samples allow, 10 at most."""
+        return row_by_panels(n, MAXIMUM_ORDER, kernel, input)
 
     @property
     def far(self) -> float:
@@ -103,6 +105,22 @@ class Recipe:
     window: int | None = None
     tail: ExponentialSum | None = None
     degree: int = 0
+
+    def __post_init__(self) -> None:
+        least = max(1, self.degree) // 2 + 1
+        if self.tail is not None and (self.window or 0) < least:
+            raise ValueError(f"window must be at least {least} steps under a tail with polynomials of degree {self.degree}, got {self.window}")
+
+    def with_tail(self, steps: int, rtol: float | None, dt: float, horizon: float, kernel: AnyKernel) -> Recipe:
+        """The recipe on so many steps, with a sum fitted to older ones whose weights follow the slip where the kernel does; itself for rtol None."""
+        if rtol is None:
+            return self
+        near = steps * dt
+        if isinstance(kernel, VaryingSlipKernel):
+            tail = following_sum(near, max(horizon, 2.0 * near), rtol, kernel)
+        else:
+            tail = ExponentialSum.fit(near, max(horizon + dt, 2.0 * near), rtol, kernel)  # a jump may lie before the first sample
+        return replace(self, window=steps, tail=tail)
 
     def used(self, n: int) -> int:
         """How many of n steps are remembered with the kernel itself."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from basset.kernels import Floats, Kernel, gauss_legendre
 from basset.weights._panels import polynomials
-from basset.weights.polynomials import GAUSS
+from basset.weights.lagrange import GAUSS
 
 HIGHEST = 3  # degree
 CHUNK = 1 << 14

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import basset
+from basset.quadrature import by_default
 
 EPS = 2.0**-52
 ORDERS = range(1, 11)
@@ -38,13 +39,14 @@ TAILED: dict[str, Callable[[float], basset.Rule]] = {
 }
 
 # schemes that none of these shows yet, as they are by default
-SHOWN = {type(make(1.0)) for make in RULES.values()} | {basset.Exponential}
-FURTHER = {name: scheme() for name, scheme in basset.SCHEMES.items() if scheme not in SHOWN}
+SHOWN = {type(make(1.0)) for make in (RULES | TAILED).values()}
+FURTHER = {rule.name: rule for rule in by_default() if type(rule) not in SHOWN}
 for name, rule in FURTHER.items():
-    own = RULES if rule.recipe(1e-3, 10.0, basset.BassetKernel()).tail is None else TAILED
-    own[name] = lambda window, rule=rule: rule
-    if rule.whole == rule:
-        RULES[f"windowed_{name}"] = lambda window, rule=rule: basset.Windowed(rule, window)
+    if rule.whole != rule:
+        TAILED[name] = lambda window, rule=rule: rule
+    whole = name if rule.whole == rule else f"whole_{name}"
+    RULES[whole] = lambda window, rule=rule.whole: rule
+    RULES[f"windowed_{name}"] = lambda window, rule=rule.whole: basset.Windowed(rule, window)
 
 GRAIN = {"slip": 0.1, "diameter": 1e-3, "viscosity": 1e-6}  # sand in water, m/s, m, m²/s: Re = 100
 KERNELS: dict[str, basset.Kernel] = {

@@ -448,3 +448,10 @@ def test_two_numbers_of_a_refusal_differ_on_the_page():
     plan.push(state, 1.0)
     refused(ValueError, r"age must not exceed the step dt = 0\.1 seconds where g is given, got 0\.1000000001", plan.jump, state, 1.0, age=0.1000000001, g=1.0)
     refused(ValueError, r"t_span must rise, got \(0\.1, 0\.1\)", basset.solve, lambda t, y: -y, (0.1, 0.1), [1.0])
+
+
+def test_a_tail_needs_a_window_that_holds_its_polynomials():
+    whole = basset.Daitche(3).recipe(0.1, 1.0, basset.BassetKernel())
+    sentence = r"window must be at least 2 steps under a tail with polynomials of degree 3, got 1$"
+    refused(ValueError, sentence, whole.with_tail, 1, 1e-6, 0.1, 1.0, basset.BassetKernel())
+    assert whole.with_tail(2, 1e-6, 0.1, 1.0, basset.BassetKernel()).window == 2

@@ -5,14 +5,15 @@ import pytest
 
 import basset
 from basset.kernels import VaryingSlipKernel
+from basset.quadrature import by_default
 from basset.quadrature.rule import slip_recipes
 from basset.solvers import stability
 from basset.streaming.following import FollowingPlan, accept, look_at, rest
 from basset.streaming.forgetting import JumpWindow
 
 DT, STEPS = 0.02, 160
-FOUND = [scheme() for name, scheme in basset.SCHEMES.items() if name not in ("windowed", "semi_derivative")]
-RULES = [rule for rule in FOUND if rule.whole == rule]
+FOUND = [rule for rule in by_default() if not isinstance(rule, basset.SemiDerivative)]
+RULES = list(dict.fromkeys(rule.whole for rule in FOUND))
 WINDOWED = [basset.Windowed(rule, window) for rule in RULES for window in (1.0, 0.62)]
 SHORT = [basset.Windowed(basset.Daitche(3), 0.08), basset.Windowed(basset.Brush(), 0.1)]
 JUMPS = (0, 3, 40, 43, 111)  # two of them closer than the newest samples reach

@@ -17,7 +17,7 @@ from basset.kernels import gauss_legendre
 from basset.problems import PROBLEMS
 from basset.quadrature.newton_cotes import OpenTrapezoid
 from basset.streaming import State
-from basset.weights.polynomials import lagrange
+from basset.weights.lagrange import lagrange
 
 SHAPES = [(), (3,), (2, 3), (1, 1, 4)]
 
