@@ -16,7 +16,7 @@ from basset.kernels import BassetKernel, Floats, Kernel, VaryingSlipKernel
 from basset.solvers import _sliding, events, stepper
 from basset.solvers._tables import DECAYED, QUADRATURE, following, stages_of, tables_of
 from basset.solvers.base import Piece, Segment, SolverError, Task, Trace, segments
-from basset.spectrum import STAYS, log_stretch_of, weight_ratio
+from basset.spectrum import STAYS
 
 FINEST = 1e-10  # rtol that is kept with a sum fitted to 1e-6 only, by steps so short that the exact part covers the rest
 # the shortest lag of the sum and the shortest step, in time spans: as a rule; after jumps; where something relaxes even faster
@@ -303,7 +303,7 @@ class Integration:
     def _pull(self, t: float) -> Floats:
         """The history's part of the rates, had nothing happened since the step's start."""
         result = np.zeros(len(self.state.y))
-        result[self.task.memory] = np.where(self.task.held[self.task.memory], 0.0, -self.task.coefficient) * self._memory(t)
+        events.subtract_memory(self.free, t, self.state.y, self.free.felt, result)
         return result
 
     def _fades(self) -> bool:
@@ -598,15 +598,3 @@ class Integration:
             shifted[j] += shift
             state.jacobian[:, j] = (rate(t, shifted) - here) / (shifted[j] - place[j])
         state.control[0].jacobian_known = True
-
-    def _memory(self, t: float) -> Floats:
-        """H of the components in memory at t, had nothing happened since the step's start."""
-        result = np.zeros(len(self.task.memory))
-        if self.tail is not None:
-            lag = t - float(self.state.control[0].time)
-            weights = self.tail.weights * np.exp(-self.tail.rates * lag)
-            log_stretch = log_stretch_of(self.following, self.problem.where, self.state.y[None], 0) if self.following is not STAYS else -math.inf
-            if log_stretch > -math.inf:
-                weights *= [weight_ratio(self.following, q, log_stretch) for q in range(len(weights))]
-            result[self.active] = (self.state.past + self.state.jump[:, None]) @ weights
-        return result
