@@ -164,6 +164,22 @@ def mistakes_of_files(option: str) -> Iterator[None]:
         raise Mistake(f"{option}: {name}cannot be used: {error.strerror or error}") from None
 
 
+class OutputPath(click.Path):
+    """Where an output goes; "-" is the screen where text is written (None, as without the option), elsewhere a mistake."""
+
+    def __init__(self, text: bool = False) -> None:
+        super().__init__(path_type=Path)
+        self.text = text
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path."""
+        if value != "-":
+            return super().convert(value, param, ctx)
+        if self.text:
+            return None
+        raise Mistake("--output must be the name of a file or folder, got '-': what is written there is no text for a screen; './-' is a file of that name")
+
+
 def check_output(path: Path, force: bool, source: str | Path | None = None) -> None:
     """Refuse an output that cannot be written, or is the source, before anything is computed."""
     if source is not None and os.path.realpath(path) == os.path.realpath(source):

@@ -103,7 +103,7 @@ def integer(name: str, value: Any, low: int, high: int | None = None) -> int:
         kind = ValueError if isinstance(value, (float, np.floating)) else TypeError
         raise kind(f"{name} must be {right}, got {shown(value)}") from None
     if result < low or (high is not None and result > high):
-        raise ValueError(f"{name} must be {right}, got {result}")
+        raise ValueError(f"{name} must be {right}, got {shown(result)}")
     return result
 
 

@@ -41,6 +41,8 @@ SIZES = 2.0 ** (-np.arange(-4, 49) / 4.0)  # steps that are considered, in time 
 REFERENCE = Daitche(10)  # at less than 1/32 of a time scale
 ROUNDING = 1e-14  # of the largest |H|, that no scheme gets below: sums over a path by FFT
 SPLINE = 7  # degree between given samples
+MOST = 10**15  # of whatever is counted: beyond, a float no longer does
+COARSEST = 1e3  # time scales in a step
 RESOLVED = 2.0  # samples per time scale, at least
 
 
@@ -234,7 +236,7 @@ def advise(
     """
     error = _validate.positive("error", error)
     _validate.choice("use", use, USES)
-    columns = _validate.integer("particles", particles, 1) * _validate.integer("components", components, 1)
+    columns = _validate.integer("particles", particles, 1, MOST) * _validate.integer("components", components, 1, MOST)
     checked_kernel(kernel)
     if not memory > 0.0:
         raise ValueError(f"memory must be greater than 0 (bytes), got {memory}")
@@ -247,6 +249,11 @@ def advise(
         raise ValueError("sample_step (seconds) must be given with samples")
     else:
         signal = sampled(samples, sample_step)
+    if dt is not None and not dt <= COARSEST * signal.scale:
+        raise ValueError(f"dt must be {COARSEST:g} time scales of {signal.scale:g} seconds or less, got {dt:g}: longer steps see nothing of the rate")
+    if not length / (signal.scale if dt is None else dt) <= MOST:
+        what = f"time scales of {signal.scale:g}" if dt is None else f"steps of {dt:g}"
+        raise ValueError(f"duration must be {MOST:g} {what} seconds or less, got {length:g} seconds")
     drag = 1.0 / signal.scale if relaxation is None else _validate.non_negative("relaxation", relaxation, "1/s")
     strength = signal.scale**-0.5 if coefficient is None else _validate.non_negative("coefficient", coefficient, "s^(-1/2)")
     job = Job(error, length, columns, kernel, memory, use, signal, calibrated() if machine is None else machine, drag, strength)
@@ -264,7 +271,7 @@ def _length(dt: float | None, steps: int | None, duration: float | None) -> floa
     dt = _validate.positive("dt", dt, "seconds")
     if (steps is None) == (duration is None):
         raise ValueError("either steps or duration (seconds) must be given with dt, and not both")
-    return _validate.integer("steps", steps, 1) * dt if steps is not None else _validate.positive("duration", duration, "seconds")
+    return _validate.integer("steps", steps, 1, MOST) * dt if steps is not None else _validate.positive("duration", duration, "seconds")
 
 
 # Errors

@@ -17,7 +17,7 @@ import click
 
 import basset
 from basset import __version__, _command
-from basset._command import INTERRUPTED, Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, progress
+from basset._command import INTERRUPTED, Mistake, OutputPath, check_output, compile_ahead, console, draw, mistakes_of_files, progress
 from basset._files import write
 from basset._lazy import Later
 
@@ -80,7 +80,7 @@ def with_format(default: str) -> Callable[[Callable[..., Any]], Callable[..., An
     """The options that say how numbers are written, and where."""
     return with_options(
         click.option("--format", "form", default=default, show_default=True, help="table, csv, json, c (a C99 header) or fortran (a 2008 module)."),
-        click.option("--output", type=click.Path(path_type=Path), help="A file instead of the screen."),
+        click.option("--output", type=OutputPath(text=True), help="A file instead of the screen."),
         click.option("--force", is_flag=True, help="Overwrite the output."),
     )
 
@@ -271,7 +271,7 @@ def exponential_sum(near: float, far: float, rtol: float, order: int, form: str,
 
 @main.command()
 @click.argument("source", metavar="TRACKS", type=click.Path(path_type=Path))
-@click.option("--output", type=click.Path(path_type=Path), required=True, help="The result (netCDF).")
+@click.option("--output", type=OutputPath(), required=True, help="The result (netCDF).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 @click.option("--density", type=float, help="Density of the fluid, kg/m³: the force is then in N.")
 @click.option("--density-ratio", type=float, help="Instead, density of the particle over that of the fluid: the force is then per mass of the particle, m/s².")

@@ -19,6 +19,7 @@ from basset.weights.uneven import HIGHEST, at_node, pieces
 
 _BASSET = BassetKernel()
 GAPS = ("raise", "bridge")
+LONGEST = 1e300  # s, of a path: the next power of two is still a number
 BRIDGE = "; gaps='bridge' leaves them out"
 PLANS: ByteCache[Plan] = ByteCache(limit=64 << 20)
 
@@ -235,6 +236,8 @@ def _at_times(g: ArrayLike, dt: Any, t: Any, rule: Rule | str, kernel: Kernel, i
     if last and missing[-1]:
         raise ValueError(f"the last sample of g must not be missing, the integral is taken there; got a missing one in row {len(samples) - 1}")
     times = _validate.positive("dt", dt, "seconds") * np.flatnonzero(~missing) if t is None else _times(t, missing)
+    if not (length := float(times[-1]) - float(times[0])) <= LONGEST:
+        raise ValueError(f"{'dt' if t is None else 't'} must make a path of {LONGEST:g} seconds or less, got {length:g}")
     times = times - times[0]
     jump, slip = _initial_slip(initial_slip, present, input), input == "slip"
     columns = np.ascontiguousarray(present).reshape(len(present), -1)

@@ -37,6 +37,7 @@ UNITS = {  # seconds; as UDUNITS and cftime spell them
 KNOWN = "nanoseconds, microseconds, milliseconds, seconds, minutes, hours, days or weeks"
 NAME = re.compile(r"(?:t|time|times)(?:\s*(?:[\[(]\s*(?P<bracket>[^\])]*?)\s*[\])]|[/,]\s*(?P<slash>\S+)|[\s_](?P<word>\S+)))?", re.IGNORECASE)
 TIMELY = re.compile(r"time|date|clock|elapsed|(milli|micro|nano)?sec(ond)?s?\b|minutes?\b|hours?\b|days?\b", re.IGNORECASE)  # a name that may be of times
+COUNTERS = {"index", "frame", "row", "sample", "step"}  # names of columns that count rows, if they do
 GAPS = {"na", "n/a", "#n/a", "<na>", "null", "none", "nil", "missing"}  # words where a number is missing; NaN is a number
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}  # in this order: commas may be in numbers
 METRES = {"": 1.0, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3}
@@ -279,9 +280,9 @@ def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
 
 
 def _is_index(name: str, column: Floats) -> bool:
-    """Whether pandas wrote that column beside the data: without a name, "Unnamed: 0" when read and written again, or "index"."""
+    """Whether that column counts rows: as pandas writes it, without a name, "Unnamed: 0" when read and written again, or by its name."""
     counts = bool((column == np.rint(column)).all() and (np.diff(column) > 0.0).all())
-    return not name.strip() or name.startswith("Unnamed:") or (name.strip() == "index" and counts)
+    return not name.strip() or name.startswith("Unnamed:") or (name.strip().lower() in COUNTERS and counts)
 
 
 def _table(path: Path, timed: bool, gaps: bool = False) -> tuple[list[str] | None, Floats]:

@@ -24,7 +24,7 @@ import click
 
 import saltation
 from basset import __version__, _command
-from basset._command import INTERRUPTED, Mistake, check_output, compile_ahead, console, draw, mistakes_of_files, named, printing, progress
+from basset._command import INTERRUPTED, Mistake, OutputPath, check_output, compile_ahead, console, draw, mistakes_of_files, named, printing, progress
 from basset._lazy import Later
 from saltation._files import DamageError, only_writer, write
 
@@ -169,7 +169,7 @@ def made_of(scene: str, changes: Sequence[str]) -> Scene:
 
 @main.command("run")
 @click.argument("scene")
-@click.option("--output", type=click.Path(path_type=Path), help="Result: a netCDF file, or a CSV file of the jumps; for many grains a folder.")
+@click.option("--output", type=OutputPath(), help="Result: a netCDF file, or a CSV file of the jumps; for many grains a folder.")
 @click.option("--force", is_flag=True, help="Overwrite the output; for many grains: start anew.")
 @SET
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -431,7 +431,7 @@ def scenes() -> None:
 
 @main.command()
 @click.argument("what", nargs=-1, required=True, metavar="thesis|grains|turbulence|SCENE...")
-@click.option("--output", type=click.Path(path_type=Path), default=Path("campaign"), show_default=True, help="Folder for the tables and the finished runs.")
+@click.option("--output", type=OutputPath(), default=Path("campaign"), show_default=True, help="Folder for the tables and the finished runs.")
 @SET
 @click.option(
     "--vary", "varied", multiple=True, metavar="TABLE.FIELD=V1,V2,...", help="Run with each of these values; if given several times, with all combinations."

@@ -67,7 +67,7 @@ class _Grid(Method):
 
     def _integrate(self, task: Task, trace: Trace) -> None:
         span = task.end - task.start
-        count = max(1, round(span / self.dt))
+        count = max(1, round(min(span / self.dt, 1e18)))
         if count > task.max_steps:
             raise SolverError(f"more than max_steps = {task.max_steps} steps of {self.dt:g} s are needed")
         made = events.bound(task)

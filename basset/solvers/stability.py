@@ -85,10 +85,12 @@ def longest_step(rule: Rule | str, rate: float, coefficient: float, held: bool =
     drag, memory = bounds(rule)
     if not held:
         linear, square = coefficient / memory, rate / drag  # of √dt
-        whole = linear + math.sqrt(linear**2 + 4.0 * square)
-        return (2.0 / whole) ** 2 if whole > 0.0 else math.inf
+        whole = linear + math.sqrt(linear * linear + 4.0 * square)  # a power would raise where the product is infinite
+        root = 2.0 / whole if whole > 0.0 else math.inf
+        return root * root
     if rate == 0.0:
-        return (memory / coefficient) ** 2 if coefficient > 0.0 else math.inf
+        root = memory / coefficient if coefficient > 0.0 else math.inf
+        return root * root
     steps = HELD_RATE / rate * np.linspace(0.0, 1.0, 4097)
 
     def beyond(dt: Any) -> Any:

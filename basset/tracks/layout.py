@@ -94,6 +94,8 @@ class Tracks:
                 raise ValueError(f"{counts[0]!r} must count the {size} samples along {self.sample!r}, got {rows.sum()} in all")
         elif index:
             self.instance = ds[index[0]].attrs["instance_dimension"]
+            if len(rows) and rows.max() >= (most := ds.sizes.get(self.instance, size)):
+                raise ValueError(f"{index[0]!r} must number tracks along {self.instance!r} from 0 to {most - 1}, got {rows.max()}")
             self.order = np.argsort(rows, kind="stable")
             rows = np.bincount(rows, minlength=ds.sizes.get(self.instance, 0))
         return np.concatenate([[0], np.cumsum(rows)])
@@ -300,6 +302,8 @@ def _roles(ds: xarray.Dataset, given: dict[str, list[str]]) -> dict[str, list[Co
             f"and fluid (which may be {REST!r}), or by slip (--slip-variable), got {_names(ds.variables)}"
         )
     made = {moved: _columns(ds, moved, mover)}
+    if moved == "position":
+        _check_sphere(ds, made[moved])
     if fluid != [REST]:
         made["fluid"] = _columns(ds, "fluid", fluid)
         if len({len(columns) for columns in made.values()}) > 1:
@@ -349,13 +353,24 @@ def _columns(ds: xarray.Dataset, role: str, names: list[str]) -> list[Column]:
     return [Column(letter, name, _unit(ds, role, name), {}) for letter, name in zip(letters, names, strict=False)]
 
 
+def _check_sphere(ds: xarray.Dataset, columns: list[Column]) -> None:
+    """Refuse places in degrees that are not longitude, latitude and perhaps a height: what a degree of longitude measures follows from the latitude."""
+    turning = [abs(column.unit) == DEGREE for column in columns]
+    words = [(column.name, *(str(ds[column.name].attrs.get(key, "")) for key in ("units", "standard_name"))) for column in columns]
+    others = (r"lat|degrees?_?n", r"lon|degrees?_?e")
+    swapped = [any(re.match(other, word, re.IGNORECASE) for word in found) for found, other in zip(words, others, strict=False)]
+    if any(turning) and (turning[:2] != [True, True] or any(turning[2:]) or any(swapped)):
+        names = _names([column.name for column in columns])
+        raise ValueError(f"position in degrees must name longitude, then latitude, and then perhaps a height or depth, got {names}")
+
+
 def _unit(ds: xarray.Dataset, role: str, name: str) -> float:
     """m/s (for positions: m) in the unit of a variable."""
     words = str(ds[name].attrs.get("units", "")).strip()
     if role == "position" and words.startswith("degree"):
         return DEGREE
     found = samples.metres(words, per_second=role != "position")
-    if found is None:
+    if found is None or (role == "position" and not words and re.match("lon|lat", name, re.IGNORECASE)):
         raise ValueError(f"{name!r} must be in {'m, mm, cm, km or degrees' if role == 'position' else 'm/s, mm/s, cm/s or km/s'}, got the unit {words!r}")
     down = role == "position" and ds[name].attrs.get("positive") == "down"
     return -found if down else found

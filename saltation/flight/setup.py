@@ -226,11 +226,12 @@ class Engine:
         """How the kernel follows the slip; its tables are made when something flies."""
         if not accuracy(self.scene).follows:
             return STAYS
-        assert self.tables.tail is not None
-        matched = self.horizon if self.tables.tail.far > self.horizon else None  # sums for any range have no slow terms to match
+        tail = self.tables.tail
+        assert tail is not None
+        matched = max(self.horizon, 2.0 * tail.near) if tail.far > self.horizon else None  # sums for any range have no slow terms to match
         reynolds = self.numbers.reynolds
         constants = KERNELS[self.scene.options("history").kernel]
-        return following(self.tables.count, self.tables.tail, constants, reynolds, reynolds, (0.0, math.inf), matched)
+        return following(self.tables.count, tail, constants, reynolds, reynolds, (0.0, math.inf), matched)
 
     def _restitution(self, bed: Bed) -> Restitution:
         stokes = self.numbers.stokes(1.0)

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from saltation.effects import EFFECTS, warnings_of
+from saltation.flight.cost import FLIGHT
 from saltation.flight.setup import Engine
 from saltation.flow import PROFILES, REGIMES, saltation_layer
 from saltation.scene import AUTO, Coupling, Scene
 from saltation.scene.conditions import settling_velocity
 from saltation.scene.presets import differences
 from saltation.scene.valid import left, lubricated
+
+POINTS = 125  # of the path in a typical jump by collocation
+KEPT = 1e3  # bytes that a point of the path or a jump takes, with its copies
+MUCH = 1e9  # bytes
 
 
 class Number(NamedTuple):
@@ -164,6 +169,25 @@ def _memory_ends(scene: Scene) -> str:
     return f"history.horizon = {given:g} {_unit_of_time(scene)} is given: a run that {lasts} ends there; left out, it grows with the run"
 
 
+def _takes_memory(scene: Scene) -> str:
+    """What a long run keeps."""
+    cloud, dt, grains = scene.cloud, scene.solver.dt, scene.cloud.number if scene.cloud is not None else 1
+    jumps = grains * (scene.end / FLIGHT if scene.run.jumps is None else scene.run.jumps) if scene.bed is not None else 0.0
+    points = 0.0
+    if scene.run.trajectory and cloud is not None:
+        points = grains * scene.end / cloud.interval
+    elif scene.run.trajectory and dt is not None:
+        points = (scene.end if scene.run.jumps is None else scene.run.jumps * FLIGHT) / dt
+    elif scene.run.trajectory:
+        points = POINTS * jumps
+    size = KEPT * (jumps + points)
+    if size < MUCH:
+        return ""
+    kept = " and ".join(f"{count:.2g} {what}" for count, what in ((jumps, "jumps"), (points, "points of the path")) if count)
+    spare = "longer steps make a shorter path, " if dt is not None else ""
+    return f"some {kept} are kept, about {size / 1e9:.2g} GB of memory" + (f": {spare}run.trajectory = false keeps none" if points else "")
+
+
 def _comes_to_rest(scene: Scene) -> str:
     """Nothing keeps a grain moving in still water."""
     if scene.bed is None or scene.channel is not None or scene.bed.restitution == 1.0:
@@ -198,7 +222,7 @@ def warnings(scene: Scene) -> list[str]:
         lighter = "it is lighter than the fluid" if n.density_ratio < 1.0 else "it is as heavy as the fluid"
         why = "weight is not among the effects" if "weight" not in scene.names else lighter
         found.append(f"the grain may never come down: {why}")
-    found += [text for text in (_memory_ends(scene), _comes_to_rest(scene), _counted_twice(scene)) if text]
+    found += [text for text in (_memory_ends(scene), _takes_memory(scene), _comes_to_rest(scene), _counted_twice(scene)) if text]
     if scene.bed is None and scene.run.longest_flight is not None:
         found.append("run.longest_flight is ignored: it is for scenes with a [bed]")
     for name in scene.names:

@@ -402,8 +402,27 @@ def test_numbers_at_the_ends_of_double_precision():
     assert r.status == -1 and np.isfinite(r.y).all()
     for span in ((0.0, 5e-324), (0.0, 1e-300), (-1e308, 1e308)):
         refused(ValueError, r"t_span must be 1e-280 s or longer and end - start a finite number", basset.solve, lambda t, y: -y, span, [1.0])
-    with pytest.raises(ValueError, match="time_scale must be long enough"):
+    with pytest.raises(ValueError, match="dt must be 1000 time scales of"):
         _ = basset.advise(1e-3, time_scale=1e-320, dt=0.1, steps=10).best
+
+
+def test_times_that_overflow_where_they_are_counted():
+    g, rule = np.ones(3), basset.Exponential(1, 1e-6)
+    for t in ([-1e308, 0.0, 0.5e308], [0.0, 1.0, 1.7e308], [-1.7e308, 0.0, 1.7e308]):
+        refused(ValueError, r"t must make a path of 1e\+300 seconds or less, got", basset.cumulate, g, t=t, rule=rule)
+    assert basset.integrate(g, t=[0.0, 1.0, 9e299], rule=rule) == pytest.approx(2.0 * 9e299**0.5, rel=1e-6)
+    for method in (basset.FixedStep(1e-308), basset.RungeKutta4(1e-10)):
+        r = basset.solve(lambda t, y: -y, (0.0, 1e305), [1.0], method=method)
+        assert r.status == -1 and "more than max_steps = 1000000 steps" in r.message
+    for given, pattern in (
+        ({"duration": 1e308}, r"duration must be 1e\+15 time scales of 1 seconds or less, got 1e\+308 seconds"),
+        ({"duration": 1e300, "dt": 1e-300}, r"duration must be 1e\+15 steps of 1e-300 seconds or less"),
+        ({"steps": 10**400, "dt": 0.1}, r"steps must be a whole number from 1 to 1000000000000000"),
+        ({"steps": 10, "dt": 1e5}, r"dt must be 1000 time scales of 1 seconds or less, got 100000"),
+    ):
+        refused(ValueError, pattern, basset.advise, 1e-3, time_scale=1.0, **given)
+    for name in ("particles", "components"):
+        refused(ValueError, rf"{name} must be a whole number from 1 to", basset.advise, 1e-3, time_scale=1.0, duration=9.0, **{name: 10**5000})
 
 
 @each("name", ["y0", "initial_slip", "t_eval", "coefficient"])

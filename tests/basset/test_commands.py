@@ -191,10 +191,23 @@ def test_weights_go_to_a_file_and_take_a_tail_and_a_kernel(tmp_path):
     assert found != list(basset.Daitche(2).weights(40, 0.1, kernel))
 
 
+def test_a_dash_is_the_screen(files):
+    before = sorted(os.listdir())
+    for words in (("weights", "brush", "--steps", 3), ("sum", "--near", 1, "--far", 9, "--rtol", 1e-3, "--format", "c")):
+        assert run(*words, "--output", "-").stdout == run(*words).stdout
+    assert sorted(os.listdir()) == before
+    assert run("weights", "brush", "--steps", 3, "--output", "./-").exit_code == 0 and Path("-").read_text().startswith("j,weight")
+
+
 # Mistakes
 
 
 BAD = {
+    "netcdf to the screen": (("history", "timed.csv", "--output", "-"), "--output must be the name of a file or folder, got '-'"),
+    "picture to the screen": (("compare", "growth", "--output", "-"), "--output must end in .png, .pdf, .svg, .csv, got '-'"),
+    "duration": ((*ASKED, "--duration", 1e308), "duration must be 1e+15 time scales of"),
+    "dt": ((*ASKED, "--dt", 1e308, "--steps", 3), "dt must be 1000 time scales of"),
+    "particles": ((*ASKED, "--duration", 9, "--particles", 10**400), "particles must be a whole number from 1 to"),
     "no error": (("advise", "--time-scale", 1, "--duration", 9), "--error"),
     "error": (("advise", "--error", 0, "--time-scale", 1, "--duration", 9), "error must be"),
     "no scale": (("advise", "--error", 1e-3, "--duration", 9), "either time_scale"),

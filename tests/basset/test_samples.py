@@ -265,6 +265,7 @@ WRITTEN = {
     "written twice": pd.read_csv(io.StringIO(FRAME.to_csv())).to_csv(),
     "written three times": pd.read_csv(io.StringIO(pd.read_csv(io.StringIO(FRAME.to_csv())).to_csv())).to_csv(),
     "a named index": FRAME.reset_index().to_csv(index=False),
+    "frames of a camera": FRAME.rename_axis("Frame").reset_index().to_csv(index=False),
     "times as the index": FRAME.set_index("t").to_csv(),
     "times last": FRAME[["a", "b", "c", "t"]].to_csv(index=False),
     "milliseconds": FRAME.assign(t=1e3 * T).rename(columns={"t": "time (ms)"}).to_csv(index=False),

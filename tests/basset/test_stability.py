@@ -31,6 +31,13 @@ def test_the_limit_of_every_degree(p, form, ratio):
         assert grows(p, form, dt, math.sqrt(ratio * dt)) == expected
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_coefficients_whose_squares_are_no_numbers(held):
+    rule = basset.Daitche(10)
+    assert longest_step(rule, 0.0, 1e-200, held) == math.inf and longest_step(rule, 0.0, 1e200, held) == 0.0
+    assert longest_step(rule, 2.0, 1e-200, held) == pytest.approx(longest_step(rule, 2.0, 0.0, held), rel=1e-14)
+
+
 @pytest.mark.parametrize("coefficient", [10.0, 1e3, 1e6])
 def test_the_limit_with_little_drag_is_that_of_memory_alone(coefficient):
     """With the history held, too: c√dt = B."""

@@ -121,6 +121,14 @@ def test_a_way_along_a_parallel_over_the_date_line():
     speed = 1e-4 * 1852.0 * 60.0 * 0.5
     assert H[:, 0] == pytest.approx(speed / np.sqrt(t[1:]), rel=1e-5)
     assert np.abs(H[:, 1]).max() < 1e-9
+    deep = ds.assign(depth=("obs", 0.01 * t, {"units": "m", "positive": "down"}))
+    assert integral(deep, position="lon,lat,depth", fluid="rest", before="rest")[1:, :2] == pytest.approx(H, rel=1e-12)
+    for names in ("lat,lon", "lon", "lat", "lon,depth", "depth,lat,lon", "lon,lon"):  # a degree of longitude has no length without the latitude
+        with pytest.raises(ValueError, match="position in degrees must name longitude, then latitude"):
+            tracks.history(deep, position=names, fluid="rest", **STEADY)
+    for name in ("lon", "lat"):
+        with pytest.raises(ValueError, match=f"'{name}' must be in m, mm, cm, km or degrees, got the unit ''"):
+            tracks.history(ds.assign({name: ds[name].drop_attrs()}), position="lon,lat", fluid="rest", **STEADY)
 
 
 # layouts
@@ -325,6 +333,11 @@ def test_mistakes_are_one_sentence(many):
         tracks.history(3, **STEADY)
     with pytest.raises(TypeError, match="slip must name one to three variables, got 3"):
         tracks.history(one(np.arange(3.0), np.zeros(3)), **STEADY, slip=3)
+    for count, most in ((2, 1), (0, 2)):  # tracks that the dataset has, or samples
+        numbered = one(np.arange(3.0), np.zeros(3)).assign(whose=("obs", [0, 0, 10**9], {"instance_dimension": "track"}))
+        numbered = numbered.assign_coords(track=("track", [5, 6])) if count else numbered
+        with pytest.raises(ValueError, match=f"'whose' must number tracks along 'track' from 0 to {most}, got 1000000000"):
+            tracks.history(numbered, **STEADY)
     before = Path("rows.nc").read_bytes()
     same = run("rows.nc", "--output", "./rows.nc", "--force", *OPTIONS)
     assert same.exit_code == 2 and "--output must differ from the file that is read" in same.output and Path("rows.nc").read_bytes() == before

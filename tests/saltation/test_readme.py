@@ -72,10 +72,10 @@ def test_inline_commands():
 
 
 # Commands, in the order of the README, each using what those before left. What is long is shortened, and said here: the scenes fly
-# a few jumps, the thesis's campaigns are a few of their runs, and what only the advice compiles is run as plain Python.
+# a few jumps, the thesis's campaigns are a few of their runs, and what runs scenes side by side does so in this process.
 
 SHORT = {"jumps": 5, "discard": 1}
-PLAIN = ("ablate", "uncertainty", "gravel", "thesis", "turbulence")
+ALONE = ("ablate", "uncertainty", "gravel", "thesis", "turbulence")
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +117,8 @@ def test_commands_one_after_the_other(short, monkeypatch):
         words += ["--set", "run.jumps=5", "--set", "run.discard=1"] if "gravel" in words else []
         words += ["--set", "run.duration=0.1"] if "sand_cloud" in words else []
         with monkeypatch.context() as here:
-            if any(word in words for word in PLAIN):
-                here.setattr(campaigns, "cores", lambda: 1)  # in this process
+            if any(word in words for word in ALONE):
+                here.setattr(campaigns, "cores", lambda: 1)
             run(words)
         for name in {"--output", "--animate"} & set(words):
             assert Path(words[words.index(name) + 1]).exists(), line

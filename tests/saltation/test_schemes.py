@@ -1,6 +1,7 @@
 """Which history scheme a scene needs: the error is extrapolated as it was measured, the ranking follows error and time, the choice keeps what was asked for."""
 
 import dataclasses
+import doctest
 import json
 import math
 import tomllib
@@ -187,6 +188,16 @@ def test_the_measured_order_of_a_known_scheme(rebound, order):
 def chosen():
     lines = []
     return saltation.select_scheme(saltation.load("bouncing"), error=0.02, say=lines.append), lines
+
+
+def test_the_example_holds(chosen, monkeypatch):
+    """It is not run as a doctest: it is the choice above."""
+    monkeypatch.setattr(saltation, "select_scheme", lambda scene, error: chosen[0] if error == 0.02 and scene == saltation.load("bouncing") else None)
+    (found,) = doctest.DocTestFinder(recurse=False).find(study.select_scheme)
+    for example in found.examples:
+        example.options.clear()
+    assert doctest.DocTestRunner().run(found).attempted == 3
+    assert doctest.DocTestRunner().run(found).failed == 0
 
 
 def test_the_choice_keeps_the_error(chosen):
