@@ -148,6 +148,16 @@ def relax(room, row, values, start, diagonal):
 
 
 @shared
+def larger(size, floor, rtol, value, old, start):
+    """The largest change of a state, and of rounding, over the tolerance so far."""
+    scale = rtol + rtol * (abs(start) + abs(value))
+    change = abs(value - old) / scale
+    if not change <= size:
+        size = change
+    return size, max(floor, 4e-16 * abs(value) / scale)
+
+
+@shared
 def solve(case, nodes, room, y, h, past, diagonal):
     """The stages of one step: iterations, negative if it failed."""
     integral, matrix, inverse, right, v, rate, z, p, q = nodes.integral, room.matrix, room.inverse, room.right, room.v, room.rate, room.z, room.p, room.q
@@ -163,26 +173,30 @@ def solve(case, nodes, room, y, h, past, diagonal):
     for iteration in range(MOST):
         size, floor = 0.0, 0.0
         if iteration > 0:
-            for i in range(count):
-                v[1, i] = rate[1, i]
             relax(room, 2, p, y2, diagonal)
             relax(room, 3, q, y3, diagonal)
         for i in range(count):
-            a, b, c = 0.0, 0.0, 0.0
+            b, c = 0.0, 0.0
             for k in range(count):
                 share = integral[i, k]
-                a += share * v[1, k]
                 b += share * v[2, k]
                 c += share * v[3, k]
-            a, b, c = y1 + h * a, y2 + h * b, y3 + h * c
+            b, c = y2 + h * b, y3 + h * c
             if iteration > 0:
-                for value, old, start in ((a, z[i], y1), (b, p[i], y2), (c, q[i], y3)):
-                    scale = rtol + rtol * (abs(start) + abs(value))
-                    change = abs(value - old) / scale
-                    if not change <= size:
-                        size = change
-                    floor = max(floor, 4e-16 * abs(value) / scale)
-            z[i], p[i], q[i] = a, b, c
+                size, floor = larger(size, floor, rtol, b, p[i], y2)
+                size, floor = larger(size, floor, rtol, c, q[i], y3)
+                rate[0, i] += b - p[i]
+                rate[1, i] += c - q[i]
+                v[1, i] = rate[1, i]
+            p[i], q[i] = b, c
+        for i in range(count):
+            a = 0.0
+            for k in range(count):
+                a += integral[i, k] * v[1, k]
+            a = y1 + h * a
+            if iteration > 0:
+                size, floor = larger(size, floor, rtol, a, z[i], y1)
+            z[i] = a
         if iteration > 0:
             if not math.isfinite(size):
                 return -iteration
@@ -340,7 +354,7 @@ def fly(case, nodes, room, y, jumps):
     """Fly len(jumps) jumps from y = (x, z, slip along, slip up): the steps taken, 0 if it failed. Rows: duration, length, rise."""
     c, regular, rise, v, before, path, last = nodes.c, nodes.regular, nodes.rise, room.v, room.before, room.path, room.last
     count, weights = len(c), nodes.integral[len(c) - 1]
-    time, start, x, bottom, top, step, past, diagonal = 0.0, 0.0, y[0], y[1], y[1], FIRST, 0.0, 0.0
+    time, start, x, bottom, top, step, past, missed, diagonal = 0.0, 0.0, y[0], y[1], y[1], FIRST, 0.0, 0.0, 0.0
     smooth, known, fresh, near = False, False, True, False
     steps, impacts, done = 0, 0, 0
     whole, launched = case, y[3]
@@ -357,7 +371,7 @@ def fly(case, nodes, room, y, jumps):
                 if not known or trial == 1:
                     diagonal, known = stiffness(case, y), True
                 iterations = solve(case, nodes, room, y, h, past if smooth else 0.0, diagonal)
-                if abs(iterations) > 8:
+                if abs(iterations) > 3:
                     known = False
                 if iterations > 0:
                     break
@@ -390,8 +404,11 @@ def fly(case, nodes, room, y, jumps):
                 last[a] = v[a, count - 1]
                 y[a] += h * gain
             time += h
-            past, smooth = h, True
-            step = h * min(2.0, max(0.3, 0.9 * max(error, 1e-10) ** (-1.0 / (count + 1))))
+            growth = max(error, 1e-10) ** (-1.0 / (count + 1))
+            if past > 0.0:
+                growth *= min(1.0, h / past * (max(missed, 1e-2) / max(error, 1e-10)) ** (1.0 / (count + 1)))
+            past, missed, smooth = h, error, True
+            step = h * min(2.0, max(0.3, 0.9 * growth))
             continue
         end, height, slip, w = at(path, y, theta, 0), at(path, y, theta, 1), at(path, y, theta, 2), at(path, y, theta, 3)
         time += h * theta
@@ -416,7 +433,7 @@ def fly(case, nodes, room, y, jumps):
         y[0], y[1], y[2], y[3] = end, height, u - velocity, w
         case, launched = for_flight(whole, y, (time - start) * min(1.0, max(0.0, w) / max(launched, 1e-300))), w
         start, x, bottom, top = time, end, height, height
-        smooth, known, fresh = False, False, True
+        past, smooth, known, fresh = 0.0, False, False, True
     return steps
 
 

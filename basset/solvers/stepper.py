@@ -31,7 +31,8 @@ CONTROL = record_type(
     "time", "step",  # its end so far, and the size of the next step
     "first_step", "last_jump",  # size of the first step after the last jump, and when that was
     "previous_step",  # size of a regular step before this one, else 0
-    "error", "tolerance_factor",  # of the step that was accepted last, over the tolerance
+    "error", "previous_error",  # of the step that was accepted last, and of the one before, over the tolerance
+    "tolerance_factor",
     "refusals", "tried",  # fading count of regular steps that were too long, size of the last one
     "failed_time", ("failed_component", "i8"),  # where fun was not finite
     ("steps", "i8"), ("calls", "i8"),  # so far; of fun
@@ -41,14 +42,14 @@ CONTROL = record_type(
     ("jacobian_known", "?"), ("guess_known", "?"),
 )  # fmt: skip
 FULLY, DIAGONALLY = 10, 30  # iterations at most
-SETTLED = 0.03  # of the step's error, for stages solved with a diagonal Jacobian, unless the problem asks for less
+SETTLED = 0.03  # of the step's error, left in stages solved with a diagonal Jacobian, unless the problem asks for less
 
 
 class Equation(NamedTuple):
     """y' = fun(t, y) without history, `own` being passed to `fun` as work space; components at rest.
 
-    For a diagonal Jacobian: the first `moved` and the last `driven` components damp nothing, on the first `idle` nothing depends, the others are alike
-    by so many; those that remember lie side by side.
+    For a diagonal Jacobian: the first `moved` components are places, the next as many their velocities against a stream; they and the last `driven`
+    damp nothing, on the first `idle` nothing depends, the others are alike by so many; those that remember lie side by side.
     """
 
     fun: Any
@@ -453,8 +454,14 @@ def make_odd(p: Parts, h: float, kind: int) -> None:
 
 @shared
 def next_step(problem: Problem, control: Any, h: float, count: int) -> float:
-    """The size to try after an accepted step: by the error, and growing geometrically away from the last jump."""
-    size: float = h * min(2.0, max(0.3, 0.9 * max(control.error, 1e-10) ** (-1.0 / (count + 1))))
+    """The size to try after an accepted step: by the error and, where it grows, by its trend; growing geometrically away from the last jump.
+
+    The trend: Gustafsson (1994), ACM Trans. Math. Softw. 20, 496.
+    """
+    growth = max(control.error, 1e-10) ** (-1.0 / (count + 1))
+    if control.previous_step > 0.0:
+        growth *= min(1.0, h / control.previous_step * (max(control.previous_error, 1e-2) / max(control.error, 1e-10)) ** (1.0 / (count + 1)))
+    size: float = h * min(2.0, max(0.3, 0.9 * growth))
     since = control.time - control.last_jump
     return min(size, 2.0 * (since if since > 0.5 * h else h)) if len(problem.where) > 0 else size  # h: where time rounds it away
 
@@ -506,12 +513,12 @@ def accept(p: Parts) -> None:
             y[a] += h * gain
     if kind == 1:
         control.first_step = h
-    control.previous_step, control.guess_known = (0.0 if kind == 1 else h), False
     control.time += h
     if abs(problem.end - control.time) <= 1e-12 * h + 1e-15 * abs(control.time):  # an end may be infinite
         control.time = problem.end
     control.steps += 1
     control.step = next_step(problem, control, h, count)
+    control.previous_step, control.guess_known = (0.0 if kind == 1 else h), False
     control.singular, control.smooth = False, True
 
 
@@ -794,7 +801,7 @@ def iterate(p: Parts) -> int:
     previous = math.inf
     for iteration in range(DIAGONALLY):
         size, floor = 0.0, 0.0
-        for a in range(idle, n):
+        for a in range(n - 1, idle - 1, -1):  # velocities before places, which follow at once
             member = first <= a < first + members
             if iteration > 0:
                 if kind == 0 and not member and diagonal[a] == 0.0:
@@ -825,6 +832,8 @@ def iterate(p: Parts) -> int:
                     if not change <= size:  # also for NaN
                         size = change
                     floor = max(floor, 4e-16 * abs(value) / scale)
+                    if equation.moved <= a < 2 * equation.moved:
+                        rates[i, a - equation.moved] += value - states[i, a]
                 states[i, a] = value
         if iteration > 0:
             if not math.isfinite(size):
@@ -848,8 +857,8 @@ def solved_diagonally(p: Parts, t: float, y: Any, out: Any, own: Any) -> None:
         differentiate_diagonally(p)
     remember_rates(p)
     iterations = iterate(p)
-    if abs(iterations) > 8:
-        p.state.control[0].jacobian_known = False
+    if abs(iterations) > 3:
+        p.state.control[0].jacobian_known = False  # evaluated anew: costs less than the iterations that an old one needs
     out[0] = iterations
 
 
@@ -863,7 +872,7 @@ def judge(problem: Problem, state: State, error: float, power: float) -> int:
     if error <= 1.0:
         if control.steps >= problem.max_steps:
             return TOO_MANY
-        control.error = error
+        control.previous_error, control.error = control.error, error
         return ACCEPTED
     h = control.step
     control.step = h * max(0.1, 0.8 * error ** (-1.0 / power)) if math.isfinite(error) else 0.25 * h
