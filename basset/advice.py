@@ -43,6 +43,7 @@ ROUNDING = 1e-14  # of the largest |H|, that no scheme gets below: sums over a p
 SPLINE = 7  # degree between given samples
 MOST = 10**15  # of whatever is counted: beyond, a float no longer does
 COARSEST = 1e3  # time scales in a step
+EXTREMES = 1e-200, 1e200  # s: of time scales and durations, whose roots and quotients must be numbers
 RESOLVED = 2.0  # samples per time scale, at least
 
 
@@ -254,6 +255,9 @@ def advise(
     if not length / (signal.scale if dt is None else dt) <= MOST:
         what = f"time scales of {signal.scale:g}" if dt is None else f"steps of {dt:g}"
         raise ValueError(f"duration must be {MOST:g} {what} seconds or less, got {length:g} seconds")
+    for name, value in (("time_scale", signal.scale), ("duration", length)):
+        if not EXTREMES[0] <= value <= EXTREMES[1]:
+            raise ValueError(f"{name} must be from {EXTREMES[0]:g} to {EXTREMES[1]:g} seconds, got {value:g}")
     drag = 1.0 / signal.scale if relaxation is None else _validate.non_negative("relaxation", relaxation, "1/s")
     strength = signal.scale**-0.5 if coefficient is None else _validate.non_negative("coefficient", coefficient, "s^(-1/2)")
     job = Job(error, length, columns, kernel, memory, use, signal, calibrated() if machine is None else machine, drag, strength)
@@ -271,7 +275,12 @@ def _length(dt: float | None, steps: int | None, duration: float | None) -> floa
     dt = _validate.positive("dt", dt, "seconds")
     if (steps is None) == (duration is None):
         raise ValueError("either steps or duration (seconds) must be given with dt, and not both")
-    return _validate.integer("steps", steps, 1, MOST) * dt if steps is not None else _validate.positive("duration", duration, "seconds")
+    if steps is not None:
+        return _validate.integer("steps", steps, 1, MOST) * dt
+    length = _validate.positive("duration", duration, "seconds")
+    if length < dt * (1.0 - 1e-9):
+        raise ValueError("duration must be at least one step of dt = {} seconds, got {}".format(*_validate.apart(dt, length)))
+    return length
 
 
 # Errors
@@ -292,7 +301,7 @@ class Signal:
         shortest = min(self.length / STEPS, self.scale / 32.0)
         if dt < shortest:
             return float(self.error(rule, shortest, kernel) * (dt / shortest) ** rule.error_order + ROUNDING)
-        steps = max(8, math.floor(self.length / dt * (1.0 + 1e-9)))
+        steps = max(1, math.floor(self.length / dt * (1.0 + 1e-9)))
         settled = min(steps, math.ceil(self.scale / dt))
         exact = self._reference_solution(dt, steps, kernel)
         wrong = np.abs(cumulate(self.rate(dt * np.arange(steps + 1)), dt, rule, kernel) - exact)[settled:]
@@ -390,7 +399,7 @@ class Job:
         best, nearest, low, high = None, None, 0, len(SIZES) - 1
         while low <= high:  # the error falls with the step
             middle = (low + high) // 2
-            candidate = self.predicted(family, float(self.signal.scale * SIZES[middle]))
+            candidate = self.predicted(family, float(min(self.signal.scale * SIZES[0], self.length) / SIZES[0] * SIZES[middle]))
             if candidate is not None and candidate.error <= self.error:
                 best, high = candidate, middle - 1
             else:

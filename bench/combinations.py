@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from basset import SCHEMES
+from basset.quadrature import full_history
 from bench.grains import at_fixed_steps, base, changed
 from saltation.scene import SceneError, scene_of
 
-RULES = tuple(name for name in SCHEMES if name not in ("windowed", "hinsberg", "exponential"))
+RULES = full_history()
 KERNELS = ("basset", "mei_adrian", "dorgan_loth")
 METHODS = ("collocation", "fixed_step", "runge_kutta_4")
 WINDOW, BEFORE_TAIL = 1.0, 0.25  # d/u*: longer than the first jump of sand; well within it

@@ -64,6 +64,11 @@ def by_default() -> list[Rule]:
     return [scheme() for scheme in SCHEMES.values() if all(field.default is not MISSING for field in fields(cast(Any, scheme)))]
 
 
+def full_history() -> list[str]:
+    """The schemes that may be the rule of a window: those without a window or a tail of their own."""
+    return [rule.name for rule in by_default() if rule.whole == rule]
+
+
 def resolve(rule: Any) -> Rule:
     """A rule, from a rule or from a name in `basset.SCHEMES` whose parameters all have defaults."""
     if isinstance(rule, Rule):

@@ -83,7 +83,7 @@ def first_horizon(scene: Scene) -> float:
 def relaxation(scene: Scene) -> float:
     """The shorter of the times in which drag and history slow a grain down, d/V: steps must be able to resolve it."""
     n, names = scene.numbers, scene.names
-    drag = n.reynolds / (18.0 * n.alpha) if "drag" in names else math.inf
+    drag = n.reynolds / (18.0 * n.alpha) if "drag" in names or "wall" in names else math.inf
     return min(drag, 1.0 / (math.pi * n.history**2)) if "history" in names else drag
 
 
@@ -352,7 +352,8 @@ class Engine:
     ) -> tuple[loop.Steps, Any]:
         """How a grain in that state flies; and what must be kept alive meanwhile."""
         d, tables, model = self.dimensions, self.tables, self.model
-        equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, d, turbulence.STATES if self.eddies is not None else 0)
+        alike = 1 if "wall" in self.scene.names else d  # a wall damps what is normal to it more than the rest
+        equation = stepper.Equation(model.rates, own, np.zeros(0, dtype=np.bool_), d, d - 1, alike, turbulence.STATES if self.eddies is not None else 0)
         work = stepper.workspace(tables.count, self.states, diagonal=True)
         parts = placed(stepper.Parts(equation, problem, *tables.placed, tables.odd(), tables.unit, state, values, self.following, self.truncation, work))
         whole = placed(loop.Flight(parts, model, bed, memory, limits, account, np.zeros((2, 9))))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, ValidationError, create_model, model_validator
 
 from basset import _validate
-from basset.quadrature import SCHEMES, Daitche
+from basset.quadrature import SCHEMES, Daitche, full_history
 from saltation._tables import Table
 from saltation.effects import EFFECTS
 from saltation.effects.base import Setting
@@ -552,10 +552,7 @@ class SceneBase(Table):
         """Rule and tail of a windowed scheme from their names."""
         if options.window is None:
             raise ValueError("window is missing: scheme = 'windowed' needs one, in units of d/u*")
-        name = given.pop("rule", "daitche")
-        if name not in SCHEMES or name in ("windowed", "hinsberg", "exponential"):
-            known = [name for name in SCHEMES if name not in ("windowed", "hinsberg", "exponential")]
-            raise ValueError(f"rule must be one of {', '.join(map(repr, known))}, got {name!r}{_validate.suggestion(name, known)}")
+        name = _validate.choice("rule", given.pop("rule", "daitche"), full_history())
         if "order" in given and name != "daitche":
             raise ValueError(f"order has no meaning for rule = {name!r}")
         given["rule"] = SCHEMES[name](**{"order": given.pop("order")} if "order" in given else {})

@@ -202,6 +202,16 @@ def _counted_twice(scene: Scene) -> str:
     return "bed.restitution = 'stokes' includes lubrication, and so does the effect 'wall': give the dry restitution, such as bed.restitution = 0.97"
 
 
+def _speeds_up(scene: Scene) -> str:
+    """A law of the wall that is a difference to a drag which is not there."""
+    if "wall" not in scene.names or "drag" in scene.names or scene.options("wall").parallel != "zeng":
+        return ""
+    return (
+        "wall.parallel = 'zeng' without 'drag' among the effects: hundreds of d above the wall it is slightly less than no wall's, "
+        "which alone speeds the grain up without bound: add 'drag', or take wall.parallel = 'faxen'"
+    )
+
+
 def warnings(scene: Scene) -> list[str]:
     """What to be wary of, one sentence or two each."""
     n = scene.numbers
@@ -222,7 +232,7 @@ def warnings(scene: Scene) -> list[str]:
         lighter = "it is lighter than the fluid" if n.density_ratio < 1.0 else "it is as heavy as the fluid"
         why = "weight is not among the effects" if "weight" not in scene.names else lighter
         found.append(f"the grain may never come down: {why}")
-    found += [text for text in (_memory_ends(scene), _takes_memory(scene), _comes_to_rest(scene), _counted_twice(scene)) if text]
+    found += [text for text in (_memory_ends(scene), _takes_memory(scene), _comes_to_rest(scene), _counted_twice(scene), _speeds_up(scene)) if text]
     if scene.bed is None and scene.run.longest_flight is not None:
         found.append("run.longest_flight is ignored: it is for scenes with a [bed]")
     for name in scene.names:

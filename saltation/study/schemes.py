@@ -24,7 +24,7 @@ import pandas as pd
 from basset import BassetKernel, _validate, measure
 from basset.advice import bytes_of
 from basset.kernels import Floats
-from basset.quadrature import SCHEMES, Rule
+from basset.quadrature import SCHEMES, Rule, full_history
 from saltation._keys import text_of
 from saltation.flight.setup import Engine
 from saltation.scene import AUTO, LONGEST, Scene, SceneError, scene_of
@@ -232,7 +232,7 @@ def histories(duration: float, rtol: float) -> Iterator[tuple[tuple[str, Any], .
     windows = [rounded(share * duration) for share in WINDOWS]
     for name, scheme in SCHEMES.items():
         known = parameters(scheme)
-        rules = [word for word in SCHEMES if word not in ("windowed", "hinsberg", "exponential")] if "rule" in known else [None]
+        rules = full_history() if "rule" in known else [None]
         for rule in rules:
             fields = known | (parameters(SCHEMES[rule]) if rule else set())
             axes = {

@@ -76,6 +76,19 @@ def test_higher_degrees_take_longer_steps_down_to_what_the_start_allows():
     assert steps == sorted(steps) and steps[0] < 0.02 < 0.1 < steps[-1]
 
 
+@pytest.mark.parametrize("use", advice.USES)
+@pytest.mark.parametrize("length", [1e-12, 0.01, 0.7])
+def test_no_step_is_longer_than_the_path(length, use):
+    """H of the decay is Dawson's integral: the error of a path shorter than a time scale counts at its end."""
+    (g, exact), found = waves((-1.0 + 0j, 1.0)), advise(1e-6, time_scale=1.0, duration=length, use=use)
+    assert found.best.meets
+    for row in found.candidates:
+        assert row.dt <= length and (row.steps - 1) * row.dt < length
+        if row.meets and row.steps < 20_000:
+            end = row.dt * row.steps
+            assert abs(basset.integrate(g(np.linspace(0.0, end, row.steps + 1)), row.dt, row.rule) / exact(np.array([end]))[0] - 1.0) <= 1e-6
+
+
 def test_meeting_candidates_come_first_and_the_fastest_of_them_is_the_best():
     found = advise(1e-5, time_scale=1.0, dt=0.05, steps=500, memory=5000)
     meets = [row.meets for row in found.candidates]
@@ -176,6 +189,9 @@ RIGHT = {"error": 1e-3, "time_scale": 1.0, "dt": 0.1, "steps": 100}
         ({"steps": None}, "either steps or duration"),
         ({"duration": 10.0}, "either steps or duration"),
         ({"steps": 0}, "steps must be a whole number"),
+        ({"steps": None, "duration": 1e-12}, "duration must be at least one step of dt = .* seconds, got 1e-12"),
+        ({"time_scale": 1e-320, "dt": None, "steps": None, "duration": 1e-319}, "time_scale must be from 1e-200 to 1e\\+200 seconds, got 9.99989e-321"),
+        ({"dt": None, "steps": None, "duration": 1e-310}, "duration must be from 1e-200"),
         ({"particles": 0}, "particles must be a whole number"),
         ({"components": 1.5}, "components must be a whole number"),
         ({"memory": 0.0}, "memory must be greater than 0"),

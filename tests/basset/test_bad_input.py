@@ -10,6 +10,7 @@ from all_cases import each
 from rule_cases import ANY, KERNELS, refused
 
 import basset
+from basset.quadrature import full_history
 
 G = np.ones(5)
 RULE = basset.Daitche(order=3)
@@ -174,6 +175,13 @@ class TestWindow:
     @each("rule", [basset.Daitche, "daitche", None, 3, basset.Windowed(RULE, 1.0), basset.Hinsberg(tail=False)])
     def test_of_what_is_no_full_rule(self, rule):
         refused(TypeError, r"rule must be a full-history rule such as basset\.Daitche\(order=2\), got ", basset.Windowed, rule, 1.0)
+
+    @each("name", basset.SCHEMES)
+    def test_names_of_full_rules_are_those_that_a_window_takes(self, name):
+        if name in full_history():
+            assert basset.Windowed(basset.SCHEMES[name](), 1.0).rule.name == name
+        elif name != "windowed":
+            refused(TypeError, "rule must be a full-history rule", basset.Windowed, basset.SCHEMES[name](), 1.0)
 
 
 class TestKernelArgument:

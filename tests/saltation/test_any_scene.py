@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import saltation
@@ -128,6 +128,15 @@ def verify(content):
 
 @pytest.mark.sweep
 @settings(max_examples=settings().max_examples + settings().max_examples // 2, deadline=None)
+@example(  # stopped within 5e-6 d/V by the wall alone
+    {
+        "effects": ["wall"],
+        "grain": {"diameter": 1e-6, "density": 31.62},
+        "dimensions": 2,
+        "solver": {"rtol": 1e-2},
+        "run": {"duration": 1.0},
+    }
+)
 @given(contents())
 def test_ends_as_asked(content):
     verify(content)

@@ -95,6 +95,7 @@ BAD_SCENES = {
     "eleven of Casas's terms": ([*WINDOWED, "history.kernel=basset", "history.tail=casas_11"], ["history.tail", "1 to 10"]),
     "windowed without a window": ([*FIXED, "history.scheme=windowed"], ["history.window", "missing"]),
     "unknown rule": ([*WINDOWED, "history.rule=daitch"], ["history.rule", "did you mean 'daitche'?"]),
+    "a rule that has a tail": ([*WINDOWED, "history.rule=exponential"], ["history.rule must be one of 'brush'", "got 'exponential'"]),
     "unknown tail": ([*WINDOWED, "history.tail=long"], ["history.tail", "fitted"]),
     "an order without meaning": ([*WINDOWED, "history.rule=brush", "history.order=3"], ["history.order", "no meaning"]),
     "a window without meaning": ([*FIXED, "history.scheme=brush", "history.window=3.0"], ["history.window", "no meaning"]),

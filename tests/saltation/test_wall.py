@@ -16,6 +16,7 @@ from saltation.effects.base import Setting, Situation
 from saltation.flight.setup import accuracy
 from saltation.flow import profile_of
 from saltation.grain import numbers_of
+from saltation.scene import scene_of
 from saltation.scene.valid import families, left
 from saltation.study import checks
 
@@ -141,6 +142,24 @@ class TestFlights:
         z, w = path["z"].to_numpy()[after], path["w"].to_numpy()[after]
         known = [made.bed.restitution * down - drained(made, 0.0, height - 0.5) for height in z[1:]]
         assert len(known) > 3 and w[1:] == pytest.approx(known, rel=within, abs=within)
+
+    @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-7])
+    @pytest.mark.parametrize("height", [0.5001, 0.51, 0.75])
+    def test_a_light_grain_is_stopped_at_once(self, height, rtol):
+        """By the wall alone: where lubrication has taken its speed; and steps outgrow the time of that, in which the grain is damped unlike along the wall."""
+        content = {"effects": ["wall"], "grain": {"diameter": 1e-6, "density": 31.62}, "run": {"duration": 1.0}, "solver": {"rtol": rtol}}
+        content["start"] = {"height": height * 1e-6, "velocity": [0.006, 0.0, 0.006]}
+        made = scene_of(content)
+        path = flown(made).trajectory
+        lost = drained(made, height - 0.5, float(path["z"][-1]) - 0.5)
+        assert lost == pytest.approx(float(path["w"][0]), rel=2.0 * accuracy(made).tolerance)
+        assert len(path["time"]) < 500
+
+    def test_without_drag_the_law_along_the_wall_speeds_grains_up(self):
+        """It is a difference to drag: far away Zeng's is below zero."""
+        assert wall.Zeng(0.0).excess(1e3, 1.0) < 0.0 < wall.Zeng(0.0).excess(1e2, 1.0) and wall.Faxen(0.0).excess(1e3, 1.0) > 0.0
+        told = [checks.warnings(self.coasting(1e-4, 1e-4, 1.0).changed(wall={"parallel": law})) for law in ("zeng", "faxen")]
+        assert [any("add 'drag'" in text for text in texts) for texts in told] == [True, False]
 
     def test_a_slow_grain_never_arrives(self):
         """Where lubrication would take more than its speed."""
