@@ -28,7 +28,7 @@ REFUSED = 12.0  # shortest steps: one that is refused by less may be followed by
 PATIENCE = 4  # searches for a jump of fun from one place
 CHATTER = 20  # jumps with the state within a millionth of the span; or twice as many that follow each other ever faster
 SHORT = 0.5  # tolerances between the end of the step that comes to a surface and the surface
-CREEP = 24  # steps along a surface within 1e-5 of the span that do not grow: the jump is not of that kind
+CREEP = 24  # steps that do not grow: back and forth over a jump of fun; along a surface within 1e-5 of the span: the jump is not of that kind
 SLIDING = (
     "fun switches back and forth at t = {:.6g}: the solution slides along a discontinuity of fun, or crosses it at ever shorter intervals, "
     "and cannot be followed there; make fun continuous, such as tanh(v/ε) for sign(v), or stop there by an event with a jump"
@@ -216,8 +216,11 @@ class Integration:
         else:
             code, done = stepper.march(*self.bound[1])
         self._keep(done)
-        if self.surfaces and code == stepper.FULL and done:
-            self._fit()
+        if code == stepper.FULL and done:
+            if self.surfaces:
+                self._fit()
+            elif self.state.control[0].refusals > 0.2 and self._creeps():  # one of the last two steps was too long at first
+                self._crosses(max(piece.length for piece in self.trace.pieces[-CREEP:]), False)
         if self.calls.raised is not None:
             raise self.calls.raised
         if code == stepper.TABLE:
@@ -230,7 +233,7 @@ class Integration:
         elif code == stepper.SUSPECT:
             self._look()
         elif code == stepper.TOO_SMALL:
-            if not (self._look() or self._crosses()):
+            if not (self._look() or self._crosses(2.0 * self.problem.floor, True)):
                 if self._fades():
                     raise TooFastError
                 raise SolverError(self._reason(code))
@@ -384,8 +387,15 @@ class Integration:
         self._begin(0.5 * (self.segments[0].end - t))
         return True
 
-    def _crosses(self) -> bool:
-        """Whether fun jumps right ahead: go on along the surface if it throws the state back, behind it otherwise."""
+    def _creeps(self) -> bool:
+        """Whether the last steps do not grow, short of a jump of fun that was found ahead."""
+        pieces = self.trace.pieces[-CREEP:]
+        if len(pieces) < CREEP or self.approaching or self.beyond is not None:
+            return False
+        return bool(pieces[0].start >= self.state.control[0].last_jump and pieces[-1].length < 2.0 * pieces[0].length)
+
+    def _crosses(self, step: float, onward: bool) -> bool:
+        """Whether fun jumps within some such steps: go on along the surface if it throws the state back, `onward` behind it otherwise."""
         t, y, floor = float(self.state.control[0].time), self.state.y, self.problem.floor
         pull = self._pull(t)
         try:
@@ -400,10 +410,13 @@ class Integration:
                         state = state + (found[0] - place) * surface.half
                 return state
 
-            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) + pull, t, start, 2.0 * floor, kept)
-            if back or not (jump.any() and velocity.any()):
-                self.thrown = back and not self._slide(jump)
-                return back and not self.thrown
+            jump, back = _sliding.swings(lambda time, place: self._rate(time, place) + pull, t, start, step, kept)
+            if back:
+                slides = self._slide(jump)
+                self.thrown = onward and not slides
+                return slides
+            if not (onward and jump.any() and velocity.any()):
+                return False
             found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
             if found is None or found[0] < 0.0 or ((found[0] + 1.0) * floor * np.abs(velocity) > self._near(np.abs(velocity))).any():
                 return False
@@ -419,9 +432,8 @@ class Integration:
         if not self.surfaces:
             return
         pieces = self.trace.pieces[-CREEP:]
-        since, newest = pieces[0].start, pieces[-1]
-        short = newest.end - since < 1e-5 * self.problem.span and newest.length < 2.0 * pieces[0].length
-        if len(pieces) == CREEP and short and since >= self.state.control[0].last_jump and self.beyond is None:
+        since = pieces[0].start
+        if self._creeps() and pieces[-1].end - since < 1e-5 * self.problem.span:
             raise SolverError(SLIDING.format(since))
         for k, old in enumerate(self.surfaces):
             new = self._surface(old.jump)

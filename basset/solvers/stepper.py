@@ -611,7 +611,8 @@ def newton(p: Parts) -> int:
         if not math.isfinite(size):
             return -iteration
         # small corrections alone may be due to the Jacobian of another place, or to differences across a jump of fun
-        solved = missed <= 1.0 or size <= (floor if iteration == 1 else 10.0 * floor) or missed <= 1e-2 * before
+        lingers = iteration > 1 and missed > max(SETTLED, 0.5 * before)  # corrections far too small: a Jacobian from across a jump of fun
+        solved = (missed <= 1.0 and not lingers) or size <= (floor if iteration == 1 else 10.0 * floor) or missed <= 1e-2 * before
         if solved and size <= max(1e-3, floor):
             return iteration
         if iteration > 1 and not solved and max(0.5 * previous, 10.0 * floor) < size <= 1e-3:
@@ -913,8 +914,9 @@ def attempt(p: Parts, solve: Any) -> int:
             return code
         if not control.singular:
             control.refusals += 1.0
+            control.tried = h
             if control.refusals > 1.7:  # the size from the error estimate failed twice: is fun smooth?
-                control.refusals, control.tried = 0.0, h
+                control.refusals = 0.0
                 return SUSPECT
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.optimize
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import basset
@@ -200,6 +200,9 @@ def test_what_cannot_be_followed_is_named_soon():
     friction=st.floats(0.2, 2.0), size=st.floats(0.1, 3.0), omega=st.floats(0.3, 5.0), start=st.floats(-2.0, 2.0), c=st.sampled_from([0.0, 0.1, 0.5, 2.0]),
     level=st.sampled_from([0.0, 1.0, -3.0]),
 )  # fmt: skip
+@example(friction=0.5, size=2.0, omega=1.0, start=0.0, c=0.0, level=1.0)  # on the surface at the start, but let go at once
+@example(friction=0.2, size=0.2, omega=2.8, start=0.0, c=2.0, level=-3.0)  # held from the start
+@example(friction=0.8014571032422695, size=1.2212226871720633, omega=4.0, start=-0.670531481470581, c=0.1, level=1.0)  # comes back slowly
 def test_random_friction_that_sticks_and_lets_go(friction, size, omega, start, c, level):
     """Against a steep function; without history also never above the force: while it sticks |force| ≤ friction."""
 
