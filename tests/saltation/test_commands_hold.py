@@ -114,7 +114,7 @@ def test_own_scenes_at_several_stages_need_no_ranking(tmp_path, monkeypatch):
     assert out.exit_code == 0, out.output
     refused = invoke("campaign", "bouncing", "--rank", "--output", tmp_path / "c")
     assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
-    assert "no ranking: it needs a stream" in refused.stderr and (tmp_path / "c" / "table.csv").exists()
+    assert "no ranking: every scene needs a [channel]" in refused.stderr and (tmp_path / "c" / "table.csv").exists()
 
 
 @pytest.mark.parametrize("field", ["channel=", "bed=", "grain=", "bed.rebound=tsuji", "effects="])

@@ -554,7 +554,7 @@ class TestDiffusion:
             ((lags, lags, 1.0, 3.0), ValueError, "lags must hold three or more between low = 1 and high = 3, got 2"),
             ((lags, lags, 0.0, 8.0), ValueError, "low must be a finite number greater than 0"),
             ((lags, lags, 1.0, "all"), TypeError, "high must be a finite number greater than 0"),
-            ((lags, 0.0 * lags, 1.0, 8.0), ValueError, "moments must be greater than 0 .* got 0: what does not scatter has no exponent"),
+            ((lags, 0.0 * lags, 1.0, 8.0), ValueError, "moments must be greater than 0 .* got 0: without spreading there is no exponent"),
         ]:
             with pytest.raises(error, match=sentence):
                 st.fit_exponent(*arguments)
