@@ -445,21 +445,38 @@ class Integration:
     def _leaves(self, piece: Piece) -> tuple[float, _sliding.Surface | None]:
         """(θ, surface) where the state first leaves one that it slides along; (1, None) if it does not."""
 
-        def left(theta: float) -> _sliding.Surface | None:
+        def places(theta: float) -> Floats:
             t, y = piece.start + theta * piece.length, piece.values(np.array([theta]))[0]
-            return next((surface for surface in self.surfaces if not surface.holds(self._one_side, t, y)), None)
+            found = [surface.located(self._one_side, t, y) for surface in self.surfaces]
+            return np.array([math.inf if place is None else place[0] for place in found])
 
+        def inside(place: Floats) -> bool:
+            return bool((np.abs(place) <= 1.0).all())
+
+        if not self.surfaces:
+            return 1.0, None
+        nodes, seen = [0.0], [places(0.0)]
+        for node in self.stages.c:
+            nodes.append(float(node))
+            seen.append(places(node))
+            if not inside(seen[-1]):
+                break
+        suspects = np.empty(0)
+        if np.isfinite(seen).all():  # one that leaves and comes back between two nodes has left
+            grid = np.linspace(0.0, nodes[-1], 8 * len(nodes))
+            curves = [np.polynomial.Chebyshev.fit(nodes, place, len(nodes) - 1, [0.0, 1.0])(grid) for place in np.transpose(seen)]
+            suspects = grid[(np.abs(curves) > 1.0).any(axis=0)]
         low = 0.0
-        for node in self.stages.c if self.surfaces else ():
-            high, surface = float(node), left(float(node))
-            if surface is None:
+        for suspect in np.unique([*suspects, nodes[-1]]).tolist():
+            high, beyond = suspect, places(suspect)
+            if inside(beyond):
                 low = high
                 continue
             while high - low > 1e-12:
                 middle = 0.5 * (low + high)
-                found = left(middle)
-                low, high, surface = (middle, high, surface) if found is None else (low, middle, found)
-            return high, surface
+                found = places(middle)
+                low, high, beyond = (middle, high, beyond) if inside(found) else (low, middle, found)
+            return high, self.surfaces[int(np.argmax(np.abs(beyond) > 1.0))]
         return 1.0, None
 
     def _chatter(self, t: float) -> None:

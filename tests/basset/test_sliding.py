@@ -203,6 +203,8 @@ def test_what_cannot_be_followed_is_named_soon():
 @example(friction=0.5, size=2.0, omega=1.0, start=0.0, c=0.0, level=1.0)  # on the surface at the start, but let go at once
 @example(friction=0.2, size=0.2, omega=2.8, start=0.0, c=2.0, level=-3.0)  # held from the start
 @example(friction=0.8014571032422695, size=1.2212226871720633, omega=4.0, start=-0.670531481470581, c=0.1, level=1.0)  # comes back slowly
+@example(friction=2.0, size=2.0, omega=4.015004840866801, start=0.4417200545461406, c=0.5, level=1.0)  # let go between two nodes of a step
+@example(friction=1.2990918058172145, size=1.2990918058172145, omega=2.811414464168392, start=0.03, c=2.0, level=0.0)  # the same, briefly
 def test_random_friction_that_sticks_and_lets_go(friction, size, omega, start, c, level):
     """Against a steep function; without history also never above the force: while it sticks |force| ≤ friction."""
 
