@@ -34,7 +34,7 @@ def maxey_riley(
     diameter: float,
     density_ratio: float,
     viscosity: float,
-    gravity: ArrayLike | None = None,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
     initial_velocity: ArrayLike | None = None,
     initial_slip: ArrayLike | None = None,
     drag: str | Callable[[float], float] = "stokes",
@@ -70,8 +70,8 @@ def maxey_riley(
         Density of the particle over that of the fluid, 0 or greater.
     viscosity : float, m²/s
         Kinematic.
-    gravity : array_like (d,) or None, m/s²
-        None: (0, 0, −9.81) in three dimensions; in two none acts, as if it were normal to the plane.
+    gravity : array_like (3,) or (d,), m/s²
+        In two dimensions a third component is normal to the plane and has no effect, as by default.
     initial_velocity, initial_slip : array_like (d,) or (n, d), or None; m/s
         Velocity of the particle, or its velocity less the fluid's, at the start; at most one of the two. Neither: no slip. The history remembers the
         slip at the start.
@@ -202,16 +202,15 @@ def _check_flow(velocity: Any, gradient: Any, material_derivative: Any, d: int) 
             raise ValueError(f"{name} must not be given with a Flow, which has its own")
 
 
-def _sphere(diameter: Any, density_ratio: Any, viscosity: Any, gravity: ArrayLike | None, added_mass: Any, d: int) -> Floats:
+def _sphere(diameter: Any, density_ratio: Any, viscosity: Any, gravity: ArrayLike, added_mass: Any, d: int) -> Floats:
     """The numbers of the equation, in the order of `_equation`."""
     size, ratio = _validate.positive("diameter", diameter, "m"), _validate.non_negative("density_ratio", density_ratio)
     nu, added = _validate.positive("viscosity", viscosity, "m²/s"), _validate.non_negative("added_mass", added_mass)
     if ratio + added <= 0.0:
         raise ValueError("density_ratio and added_mass must not both be 0: nothing would have inertia")
-    weight = _validate.real_array("gravity", (0.0, 0.0, -9.81)[:d] if gravity is None else gravity)
-    if weight.shape != (d,) or not np.isfinite(weight).all():
-        plane = " along the two axes of the plane" if d == 2 else ""
-        raise ValueError(f"gravity must be {d} finite numbers in m/s²{plane}, got {_validate.shown(gravity)}")
+    weight = _validate.real_array("gravity", gravity)
+    if weight.shape not in ((d,), (3,)) or not np.isfinite(weight).all():
+        raise ValueError(f"gravity must be {d} finite numbers in m/s², got {_validate.shown(gravity)}")
     lift = 6.0 / math.pi * SAFFMAN * math.sqrt(nu) / size
     return np.array([ratio, added, *np.append(weight, 0.0)[:3], 18.0 * nu / size**2, lift, size / nu, size / NEAR, size**2 / (SOON * nu)])
 

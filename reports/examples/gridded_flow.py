@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import basset
 
-SPHERES = {"diameter": 0.02, "density_ratio": 2.0, "viscosity": 1e-3}  # vortices of π metres, a metre per second
+SPHERES = {"diameter": 0.02, "density_ratio": 2.0, "viscosity": 1e-3, "gravity": (0.0, 0.0, 0.0)}  # vortices of π metres, a metre per second
 TURN, END = 2.0 * np.pi, 12.0
 
 

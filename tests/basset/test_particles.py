@@ -459,7 +459,6 @@ FLOWING = grid(lambda t, x: [x[0], x[1]], None, np.linspace(0.0, 1.0, 5), np.lin
         ({"density_ratio": 0.0, "added_mass": 0.0}, "must not both be 0"),
         ({"viscosity": "water"}, "viscosity must be"),
         ({"gravity": 9.81}, "gravity must be 3 finite numbers"),
-        ({"position": [0.0, 0.0], "gravity": (0.0, 0.0, -9.81)}, "gravity must be 2 finite numbers in m/s² along the two axes of the plane, got (0.0, 0.0"),
         ({"drag": "stoks"}, "did you mean 'stokes'?"),
         ({"drag": lambda reynolds: 24.0 / reynolds if reynolds else math.inf}, "drag must be finite at Re = 0"),
         ({"lift": "magnus"}, "lift must be one of 'saffman'"),
