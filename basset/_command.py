@@ -177,7 +177,7 @@ class OutputPath(click.Path):
             return super().convert(value, param, ctx)
         if self.text:
             return None
-        raise Mistake("--output must be the name of a file or folder, got '-': what is written there is no text for a screen; './-' is a file of that name")
+        raise Mistake("--output must be the name of a file or folder, got '-': the result is not text that can be printed; './-' is a file of that name")
 
 
 def check_output(path: Path, force: bool, source: str | Path | None = None) -> None:

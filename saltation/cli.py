@@ -75,7 +75,7 @@ OWN = {  # what the runs of a series differ in
 class Commands(_command.Commands):
     """The group; a bad scene is a mistake wherever it is met."""
 
-    sparing = "; longer steps make a shorter path, run.trajectory = false keeps none"
+    sparing = "; longer steps make a shorter path, run.trajectory = false stores no path"
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -172,11 +172,11 @@ def made_of(scene: str, changes: Sequence[str]) -> Scene:
 @click.option("--output", type=OutputPath(), help="Result: a netCDF file, or a CSV file of the jumps; for many grains a folder.")
 @click.option("--force", is_flag=True, help="Overwrite the output; for many grains: start anew.")
 @SET
-@click.option("--quiet", is_flag=True, help="Print only errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors and why a run ended early.")
 def run(scene: str, output: Path | None, force: bool, changes: tuple[str, ...], quiet: bool) -> None:
     """Simulate SCENE. It is a TOML file or the name of a shipped scene.
 
-    A run of many grains (a scene with a [cloud]) is written to --output while it proceeds: if it is stopped in any way, the same
+    A run of many grains (a scene with a [cloud]) is written to --output while it proceeds: if it is stopped, the same
     command goes on from there.
     """
     from saltation.scene import AUTO
@@ -238,7 +238,7 @@ def check(scene: str, changes: tuple[str, ...]) -> None:
 @main.command()
 @on_scene
 def advise(scene: str, changes: tuple[str, ...]) -> None:
-    """Estimate which effects matter in SCENE. From its dimensionless numbers, each with reason and source."""
+    """Estimate which effects matter in SCENE. The estimates are made from dimensionless numbers, each with reason and source."""
     out, made = console(), made_of(scene, changes)
     rows = ((row.effect, "yes" if row.present else "no", f"{row.share:.2g}", row.verdict, row.reason, row.source) for row in advice.advise(made))
     print_table(out, ("effect", "in the scene", "share", "", "why", "source"), rows)
@@ -254,7 +254,7 @@ def advise(scene: str, changes: tuple[str, ...]) -> None:
 @click.option("--output", type=click.Path(path_type=Path), help="The table (CSV) or the figure (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def ablate(scene: str, changes: tuple[str, ...], error: float, output: Path | None, force: bool) -> None:
-    """Measure what each effect of SCENE changes. By runs without each in turn: mean height, length and velocity, and the cost in time."""
+    """Measure what each effect of SCENE changes. Each is left out in turn: changes of mean height, length and velocity, and the cost in time."""
     made = prepared(scene, changes, error, output, force)
     with stoppable(None), progress("leaving out", TimeElapsedColumn()) as report:
         table = advice.ablate(made, error=error, progress=report)
@@ -295,7 +295,7 @@ def uncertainty(scene: str, changes: tuple[str, ...], error: float, combined: bo
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The ranking (JSON, with the scene; CSV) or the diagram (PNG, PDF, SVG).")
 @click.option("--force", is_flag=True, help="Overwrite the output.")
 def choose_scheme(scene: str, changes: tuple[str, ...], error: float, dt: float | None, seconds: float | None, output: Path | None, force: bool) -> None:
-    """Find the fastest history scheme for SCENE. It and its solver compute the mean jump to a given error in the least time, by runs of SCENE.
+    """Find the fastest history scheme for SCENE. SCENE is run with each scheme and solver: which keeps a given error of the mean jump in the least time.
 
     Prints the lines for the scene file.
     """
@@ -357,7 +357,7 @@ def compare(
             found = comparison.compare(record, made, fit, columns=names, start=start, contact=contact, until=until, error=noise_of(errors), progress=report)
     except (TypeError, ValueError) as error:
         raise Mistake(str(error)) from None
-    deliver(output, found.points.to_csv(index=False), partial(record_plots.comparison, found, f"{named(record.name)} and {named(scene)}"))
+    deliver(output, found.points.to_csv(index=False), lambda: record_plots.comparison(found, f"{named(record.name)} and {named(scene)}"))
     print_comparison(console(), found)
     print_written(output)
 
@@ -459,7 +459,7 @@ def campaign(
     `thesis`: the thesis's 256 runs of one grain, ranked. `grains`: its 24 runs of many grains, compared. `turbulence`: 240 runs with and
     without turbulence and two-way coupling.
 
-    Finished runs are kept in the output folder: if it is stopped in any way, the same command goes on from there. `grains` and
+    Finished runs are kept in the output folder: if it is stopped, the same command goes on from there. `grains` and
     `turbulence` also keep the full result of each run, in the folder `runs`.
     """
     if workers is not None and workers < 1:
@@ -736,7 +736,7 @@ def print_result(result: Result) -> None:
     print_coupling(out, result)
     print_choice(out, result.scene)
     for fate, number in result.fates["fate"].value_counts().items():
-        out.print(f"{number} grains ended {fate}")
+        out.print(f"grains ended {fate}: {number}")
     if cloud is None and known["stokes"] is not None:
         low, high = known["stokes"]
         out.print(f"impacts: {known['clipped']:.0%} clipped to 30°, {known['creeping']:.0%} of jumps below 0.1 d, Stokes number {low:.3g} to {high:.3g}")
@@ -773,7 +773,7 @@ def print_coupling(out: Console, result: Result) -> None:
         return
     stream = {str(name): float(value) for name, value in result.coupled().data_vars.items() if not value.dims}
     out.print(
-        f"coupling: {made.runs} runs, stresses of stream and grains add up within {made.change:.1g} ρu*²; at the bed grains carry "
+        f"coupling: {made.runs} runs, stresses of stream and grains add up to the total within {made.change:.1g} ρu*²; at the bed grains carry "
         f"{stream['bed_stress']:.3g} ρu*², {stream['moving_grains']:.3g} moving per m²"
     )
     out.print(

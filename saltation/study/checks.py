@@ -14,7 +14,8 @@ from saltation.scene.presets import differences
 from saltation.scene.valid import left, lubricated
 
 POINTS = 125  # of the path in a typical jump by collocation
-KEPT = 1e3  # bytes that a point of the path or a jump takes, with its copies
+KEPT = 1e3  # bytes that a point of a grain's path or a jump takes, with its copies
+POSITION = 150.0  # bytes that a position of a grain of a cloud takes, with its copies
 MUCH = 1e9  # bytes
 
 
@@ -48,7 +49,7 @@ def numbers(scene: Scene) -> list[Number]:
     if "history" in scene.names:
         found.append(Number("c", n.history, "coefficient of the history force, 9α/√(π Re*)"))
     if scene.bed is not None:
-        found.append(Number("St/V_n", n.stokes(1.0), "collision Stokes number of an impact at the normal speed V"))
+        found.append(Number("St/V_n", n.stokes(1.0), f"collision Stokes number per normal velocity in {n.unit('u*')}"))
     speed = settling_velocity(scene)
     if speed is not None and scene.channel is not None:
         found.append(Number("w_s/u*", speed / n.velocity, "settling velocity over shear velocity"))
@@ -117,7 +118,7 @@ def _coupling(scene: Scene, coupling: Coupling) -> str:
         number = f"{coupling.grains:g} moving grains per m²"
     else:
         number = f"grains until the stream's stress at the bed is τ_c + {coupling.excess:g} (τ₀ − τ_c)"
-    return f"two_way: {number}; runs are repeated until the stresses add up within {coupling.tolerance:g} ρu*²"
+    return f"two_way: {number}; runs are repeated until the stresses add up to the total within {coupling.tolerance:g} ρu*²"
 
 
 def _memory(scene: Scene, engine: Engine) -> str:
@@ -180,12 +181,13 @@ def _takes_memory(scene: Scene) -> str:
         points = (scene.end if scene.run.jumps is None else scene.run.jumps * FLIGHT) / dt
     elif scene.run.trajectory:
         points = POINTS * jumps
-    size = KEPT * (jumps + points)
+    size = KEPT * jumps + (KEPT if cloud is None else POSITION) * points
     if size < MUCH:
         return ""
     kept = " and ".join(f"{count:.2g} {what}" for count, what in ((jumps, "jumps"), (points, "points of the path")) if count)
     spare = "longer steps make a shorter path, " if dt is not None else ""
-    return f"some {kept} are kept, about {size / 1e9:.2g} GB of memory" + (f": {spare}run.trajectory = false keeps none" if points else "")
+    folder = "" if cloud is None or dt is not None else " unless --output names a folder"
+    return f"some {kept} are kept, about {size / 1e9:.2g} GB of memory{folder}" + (f": {spare}run.trajectory = false stores no path" if points else "")
 
 
 def _comes_to_rest(scene: Scene) -> str:
@@ -207,8 +209,8 @@ def _speeds_up(scene: Scene) -> str:
     if "wall" not in scene.names or "drag" in scene.names or scene.options("wall").parallel != "zeng":
         return ""
     return (
-        "wall.parallel = 'zeng' without 'drag' among the effects: hundreds of d above the wall it is slightly less than no wall's, "
-        "which alone speeds the grain up without bound: add 'drag', or take wall.parallel = 'faxen'"
+        "wall.parallel = 'zeng' is a difference to a drag law: without 'drag' it is slightly negative some 700 d above the wall and accelerates "
+        "the grain there without bound: add 'drag', or take wall.parallel = 'faxen'"
     )
 
 

@@ -229,6 +229,8 @@ def test_a_path_that_fills_the_memory_is_announced():
     (text,) = said(run={"jumps": 20_000})
     assert "2.5e+06 points of the path" in text and "2.5 GB" in text and "longer steps" not in text
     assert said(run={"jumps": 10**9, "trajectory": False}) == ["some 1e+09 jumps are kept, about 1e+03 GB of memory"]
+    (text,) = [text for text in checks.warnings(changed("sand_cloud", cloud={"number": 10_000})) if "GB of memory" in text]  # 48 bytes a position, and copies
+    assert "unless --output names a folder" in text
 
 
 def test_check_says_which_treatments_of_the_history_measured_bounces_reject():
