@@ -47,7 +47,7 @@ def run(
         Called with the share that is done, 0 to 1 (dimensionless).
     output : path, optional
         For a [cloud] only: a folder, made if missing, to which the run writes numbered parts while it proceeds, so that memory use does
-        not grow. If it is stopped in any way, the same call goes on from the last part, to a bit-identical result.
+        not grow. If it is stopped, the same call goes on from the last part, and the result is bit-identical.
     executor : concurrent.futures.Executor, optional
         For a [cloud] only, and without output: without encounters, blocks of grains run in its workers; with encounters, all grains
         as one task; the result is bit-identical.

@@ -17,7 +17,7 @@ def still(t, x):
 def example() -> Figure:
     """Speed over terminal speed against time, with two kernels and without history, beside the measurement."""
     t = np.linspace(0.0, 0.3, 1501)
-    finite = basset.MeiAdrianKernel(SPEED, SPHERE["diameter"], SPHERE["viscosity"])  # decays faster at long lags, as behind a wake
+    finite = basset.MeiAdrianKernel(SPEED, SPHERE["diameter"], SPHERE["viscosity"])  # decays faster at long lags, because of the wake
     choices = {"without history": {"history": False}, "Mei and Adrian's kernel": {"kernel": finite}, "Basset's kernel": {}}
     falls = {name: basset.maxey_riley(still, (0.0, 0.3), np.zeros(3), t_eval=t, **choice, **SPHERE) for name, choice in choices.items()}
     last = -float(falls["without history"].velocity[0, -1, 2])  # weight and drag alone decide it

@@ -1,7 +1,7 @@
 """Added mass: α = 1/(1 + R + C_m); in the thesis also a shear term C_m w du_f/dz along the stream.
 
 Auton's form and Maxey & Riley's (5-1) have no such term in a steady parallel stream u_f(z). Without
-it jumps of sand and gravel are 9 to 13 % higher (reports/saltation.md).
+it jumps of sand and gravel are some 10 % higher (reports/saltation.md).
 """
 
 from __future__ import annotations
