@@ -37,7 +37,7 @@ UNITS = {  # seconds; as UDUNITS and cftime spell them
 KNOWN = "nanoseconds, microseconds, milliseconds, seconds, minutes, hours, days or weeks"
 NAME = re.compile(r"(?:t|time|times)(?:\s*(?:[\[(]\s*(?P<bracket>[^\])]*?)\s*[\])]|[/,]\s*(?P<slash>\S+)|[\s_](?P<word>\S+)))?", re.IGNORECASE)
 TIMELY = re.compile(r"time|date|clock|elapsed|(milli|micro|nano)?sec(ond)?s?\b|minutes?\b|hours?\b|days?\b", re.IGNORECASE)  # a name that may be of times
-COUNTERS = {"index", "frame", "row", "sample", "step"}  # names of columns that count rows, if they do
+COUNTERS = {"frame", "row", "sample", "step"}  # names of columns that count rows, if they do so by ones beside others
 GAPS = {"na", "n/a", "#n/a", "<na>", "null", "none", "nil", "missing"}  # words where a number is missing; NaN is a number
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}  # in this order: commas may be in numbers
 METRES = {"": 1.0, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3}
@@ -59,8 +59,8 @@ def read(path: Path, dt: float | None = None, variable: str | None = None) -> tu
     with # are comments. Without `dt` the step comes from the times. In .csv these are the column named t or time, if need be with a unit as in
     "time (ms)" or "t_ms"; without names, and in .npy, the first column, in seconds. In .nc the coordinate with the attribute axis "T" or standard_name
     "time", units "… since …", the name t or time, or units of time, in its unit (without one: seconds); its dimension may stand anywhere. Columns of
-    times and the index that pandas writes are not samples. Times that are not uniform or whose unit is not known, missing samples and files of any
-    other form are refused in one sentence (ValueError, TypeError).
+    times are not samples, nor are leading ones that count the rows: pandas' index, and frame, row, sample or step by ones. Times that are not uniform or
+    whose unit is not known, missing samples and files of any other form are refused in one sentence (ValueError, TypeError).
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -271,6 +271,7 @@ def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
         names = [head[k] for k in found] or head
         raise ValueError(f"{str(path)!r} must have one column named t or time, or the step be given, got the columns {_validate.shown(names)}")
     kept = [k for k in range(len(head)) if k >= index and k not in found]
+    kept = kept or [k for k, name in enumerate(head) if name.strip().lower() in COUNTERS]
     if not kept:
         raise ValueError(f"{str(path)!r} must hold samples beside times, got the columns {_validate.shown(head)}")
     if not found:
@@ -281,8 +282,9 @@ def _from_csv(path: Path, timed: bool) -> tuple[Times | None, Floats]:
 
 def _is_index(name: str, column: Floats) -> bool:
     """Whether that column counts rows: as pandas writes it, without a name, "Unnamed: 0" when read and written again, or by its name."""
-    counts = bool((column == np.rint(column)).all() and (np.diff(column) > 0.0).all())
-    return not name.strip() or name.startswith("Unnamed:") or (name.strip().lower() in COUNTERS and counts)
+    counts, by_ones = bool((column == np.rint(column)).all() and (np.diff(column) > 0.0).all()), bool((np.diff(column) == 1.0).all())
+    named = name.strip().lower()
+    return not named or name.startswith("Unnamed:") or (named == "index" and counts) or (named in COUNTERS and counts and by_ones)
 
 
 def _table(path: Path, timed: bool, gaps: bool = False) -> tuple[list[str] | None, Floats]:

@@ -16,8 +16,8 @@ from basset.kernels import Floats, Kernel
 from basset.particles._sources import Sources
 from basset.solvers import stepper
 from basset.solvers._graded import Integration
-from basset.solvers._many import STATUS, UNDONE, Rows, prepared, set_arguments, started
-from basset.solvers.base import MESSAGES, Event, Task, Trace, traced
+from basset.solvers._many import STATUS, UNDONE, Rows, prepared, set_arguments
+from basset.solvers.base import MESSAGES, Event, Task, Trace, off_surfaces, traced
 
 TINY = 1e-30  # θ, as good as 0
 SOON = 1e-36  # s, behind which a kernel is s^(-1/2) times its factor
@@ -314,9 +314,8 @@ class Block:
         tabulate(row := np.zeros(one.arguments.shape[1] - n, dtype=np.int64), task.data or ())
         arguments, starts = np.tile(row, (count, 1)), swarm.starts[some].copy()
         arguments[:, 1:] = swarm.scales[some].view(np.int64)
-        self.able = np.ones(count, dtype=np.bool_)
         if any(event.jump is not None and event.direction for event in task.events):
-            starts, self.able = started([swarm.task_of(j, self.work) for j in range(self.first, self.last)])
+            starts = np.array([off_surfaces(swarm.task_of(j, self.work)).y0 for j in range(self.first, self.last)])
         rows = self.rows = Rows(one, starts, swarm.slips[some], np.tile(task.coefficient, (count, 1)), arguments, np.full(count, UNDONE), suspects=True)
         self._sample = partial(
             sample, one.free.fun, rows.parts, rows.record, rows.table, swarm.wanted, *swarm.begins(),
@@ -330,7 +329,7 @@ class Block:
         for marched in self.rows.marched():
             self._sample(marched[0][0], marched[-1][0] + 1)
             for j, _, happened in marched:
-                if not self.able[j] or columns.codes[j] not in STATUS:
+                if columns.codes[j] not in STATUS:
                     self.alone([self.first + j])
                     continue
                 which = log.log_events[happened]

@@ -71,7 +71,7 @@ def maxey_riley(
     viscosity : float, m²/s
         Kinematic.
     gravity : array_like (3,) or (d,), m/s²
-        In two dimensions a third component is normal to the plane and has no effect, as by default.
+        In two dimensions a third component is normal to the plane and has no effect; so the default does not act there.
     initial_velocity, initial_slip : array_like (d,) or (n, d), or None; m/s
         Velocity of the particle, or its velocity less the fluid's, at the start; at most one of the two. Neither: no slip. The history remembers the
         slip at the start.
@@ -210,7 +210,7 @@ def _sphere(diameter: Any, density_ratio: Any, viscosity: Any, gravity: ArrayLik
         raise ValueError("density_ratio and added_mass must not both be 0: nothing would have inertia")
     weight = _validate.real_array("gravity", gravity)
     if weight.shape not in ((d,), (3,)) or not np.isfinite(weight).all():
-        raise ValueError(f"gravity must be {d} finite numbers in m/s², got {_validate.shown(gravity)}")
+        raise ValueError(f"gravity must be {'2 or ' * (d == 2)}3 finite numbers in m/s², got {_validate.shown(gravity)}")
     lift = 6.0 / math.pi * SAFFMAN * math.sqrt(nu) / size
     return np.array([ratio, added, *np.append(weight, 0.0)[:3], 18.0 * nu / size**2, lift, size / nu, size / NEAR, size**2 / (SOON * nu)])
 

@@ -355,7 +355,7 @@ class Integration:
         if self.surfaces:  # else the way to where it stays counts as an error of the step
             t = float(control.time)
             self.state.y[:] = _sliding.balanced(self.surfaces, self._one_side, self._pull(t), t, self.state.y)
-        control.smooth, control.jacobian_known, control.refusals = False, False, 0.0
+        control.smooth, control.jacobian_known, control.refusals, control.previous_step = False, False, 0.0, 0.0
         control.singular = self.remembers and not self.surfaces
         control.last_jump = control.time
         control.step = min(float(control.first_step), most)
@@ -411,19 +411,23 @@ class Integration:
                 return state
 
             jump, back = _sliding.swings(lambda time, place: self._rate(time, place) + pull, t, start, step, kept)
-            if back:
-                slides = self._slide(jump)
-                self.thrown = onward and not slides
-                return slides
-            if not (onward and jump.any() and velocity.any()):
-                return False
-            found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
-            if found is None or found[0] < 0.0 or ((found[0] + 1.0) * floor * np.abs(velocity) > self._near(np.abs(velocity))).any():
-                return False
+            if not back:
+                if not (onward and jump.any() and velocity.any()):
+                    return False
+                found = _sliding.Surface(floor * velocity, jump).located(self._rate, t, y)
+                if found is None or found[0] < 0.0:
+                    return False
+                moved = (found[0] + 1.0) * floor * velocity
+                if (np.abs(moved) > self._near(np.abs(velocity))).any():
+                    return False
         except SolverError:  # fun is not finite there
             return False
+        if back:
+            slides = self._slide(jump)
+            self.thrown = onward and not slides
+            return slides
         self._chatter(t)
-        y[:] += (found[0] + 1.0) * floor * velocity
+        y[:] += moved
         self._begin(0.5 * (self.segments[0].end - t))
         return True
 

@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from basset._compile import compiled, is_compiled, placed, shared, tabulate
 from basset.kernels import Floats
@@ -108,17 +107,6 @@ def prepared(method: Any, task: Task) -> Integration | None:
     return one if len(one.tables.unit.local) else None  # else the tables of the last step would have to come from Python
 
 
-def started(tasks: list[Task]) -> tuple[Floats, NDArray[np.bool_]]:
-    """The states that systems start from, off their surfaces, and which can: the others are left to the general solver, which says why not."""
-    starts, able = np.array([task.y0 for task in tasks]), np.ones(len(tasks), dtype=np.bool_)
-    for j, task in enumerate(tasks):
-        try:
-            starts[j] = off_surfaces(task).y0
-        except SolverError:
-            able[j] = False
-    return starts, able
-
-
 class Rows:
     """Systems in compiled code, a row each: starts, slips and coefficients (of all members), arguments (in words), codes."""
 
@@ -156,7 +144,7 @@ class Block:
         try:
             one = prepared(self.method, self.tasks[0])
             if one is not None:
-                return self._marched(one, *started(self.tasks))
+                return self._marched(one, np.array([off_surfaces(task).y0 for task in self.tasks]))
         except SolverError:
             pass
         return [self._alone(task) for task in self.tasks]
@@ -166,13 +154,13 @@ class Block:
         task.release()
         return solution_of(task, self.method, self.dense, self.wanted)
 
-    def _marched(self, one: Integration, starts: Floats, alike: NDArray[np.bool_]) -> list[Solution]:
+    def _marched(self, one: Integration, starts: Floats) -> list[Solution]:
         tasks = self.tasks
         tasks[0].rate(tasks[0].start, tasks[0].y0)  # shape and type are checked here: compiled code does not
         arguments = np.zeros((len(tasks), one.arguments.shape[1] - starts.shape[1]), dtype=np.int64)
         for row, task in zip(arguments, tasks, strict=True):
             tabulate(row, task.data or ())
-        alike &= [one.serves(task) for task in tasks]
+        alike = np.array([one.serves(task) for task in tasks])
         slips, coefficients = np.array([task.slip for task in tasks]), np.array([task.coefficient for task in tasks])
         rows = Rows(one, starts, slips, coefficients, arguments, np.where(alike, UNDONE, BEGUN))
         results: list[Solution] = []

@@ -66,8 +66,8 @@ def solve(
         event(t, y, *args) -> float, an event where it changes sign. Attributes: `terminal` (bool, or the number of occurrences
         after which to stop, as in SciPy), `direction` (−1, 0, 1) and `jump`, a function (t, y, *args) -> y after: the state
         changes there and the change is remembered. A zero at the very start is no event, but for a jump with a direction in which
-        the function then goes: a body that starts on its floor does not fall through it. One that starts beyond it and heads on, where
-        the jump would send it back, ends at once in status −1.
+        the function then goes: a body that starts on its floor does not fall through it. One that starts
+        beyond it is not sent back.
     dense_output : bool
         Whether to return the solution as a function of time.
     max_steps : int

@@ -262,35 +262,30 @@ class Method(abc.ABC):
 
 
 def off_surfaces(task: Task) -> Task:
-    """The task; if a body starts on a surface and heads through it, from a state next to y0: the solver sees changes of sign alone.
-
-    Raises
-    ------
-    SolverError
-        If it starts beyond the surface and heads on, where the jump would send it back.
-    """
+    """The task; if a body starts on a surface (or beyond it by rounding) and heads through it, from a state before it: only changes of sign are seen."""
     start, y0, short = task.start, task.y0, 1e-6 * (task.end - task.start)
+
+    def before(event: Event, shifts: Floats, far: float) -> Floats | None:
+        """y0 moved that far against the event's direction, if that comes before its surface."""
+        values = np.array([event.value(start, y0 + shift) for shift in np.diag(shifts)]) - event.value(start, y0)
+        slope = values / np.where(shifts > 0.0, shifts, 1.0)
+        if not slope.any():
+            return None
+        moved = np.asarray(y0 - event.direction * far * slope / (slope @ slope))
+        return moved if event.value(start, moved) * event.direction < 0.0 else None
+
     for event in task.events:
-        if event.jump is None or event.direction == 0.0 or (beyond := event.value(start, y0) * event.direction) < 0.0:
+        if event.jump is None or event.direction == 0.0 or not (beyond := event.value(start, y0) * event.direction) >= 0.0:
+            continue
+        near, rounding = np.abs(y0).max(), 256.0 * float(np.spacing(np.abs(y0).max()))
+        if beyond > 0.0 and before(event, np.full(len(y0), 1e-8 * near), rounding) is None:
             continue
         ahead = y0 + short * task.free(start, y0)
         ahead = ahead + short * task.free(start + short, ahead)  # from rest the first one does not move it
-        if (farther := event.value(start + 2.0 * short, ahead) * event.direction) <= beyond:
+        if event.value(start + 2.0 * short, ahead) * event.direction <= beyond:
             continue
-        shifts = 1e-8 * np.maximum(np.abs(y0), np.abs(ahead - y0).max())
-        slope = np.array([event.value(start, y0 + shift) for shift in np.diag(shifts)]) - event.value(start, y0)
-        slope /= np.where(shifts > 0.0, shifts, 1.0)
-        far = max(256.0 * float(np.spacing(np.abs(y0).max())), 1e-12 * float(np.abs(ahead - y0).max()))  # out of the reach of rounding
-        if slope.any() and event.value(start, moved := y0 - event.direction * far * slope / (slope @ slope)) * event.direction < 0.0:
-            y0 = moved
-        elif beyond > 0.0:
-            sent = event.after(start + 2.0 * short, ahead)
-            sent = sent + short * task.free(start + 2.0 * short, sent)
-            if event.value(start + 3.0 * short, sent) * event.direction < farther:
-                raise SolverError(
-                    f"y0 lies beyond the surface of event {event.index}, which is {event.value(start, y0):.3g} there, and heads on, where its jump would "
-                    "send it back: start on the surface or before it"
-                )
+        moved = before(event, 1e-8 * np.maximum(np.abs(y0), np.abs(ahead - y0).max()), max(rounding, 1e-12 * float(np.abs(ahead - y0).max())))
+        y0 = y0 if moved is None else moved
     return task if y0 is task.y0 else replace(task, y0=y0)
 
 

@@ -371,7 +371,7 @@ class RungeKutta4(_Grid):
     Raises
     ------
     ValueError, TypeError
-        If dt is not positive, or rule is none.
+        If dt is not positive, or `rule` is not a rule.
 
     References
     ----------

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray
 
 DEGREE = 1852.0 * 60.0  # m of a degree of latitude, as Parcels has it
+ANGLES = (r"lat(itude)?s?([_ ].*)?|degrees?_?n.*", r"lon(gitude)?s?([_ ].*)?|degrees?_?e.*")  # what is no longitude, and no latitude, by its name or unit
 IDS = ("trajectory", "particle", "track", "traj", "id", "trajectory_id", "particle_id", "track_id")
 OBSERVATIONS = ("obs", "observation", "observations", "sample", "samples")
 COMPONENTS = ("component", "components", "direction", "space", "xyz")  # dimensions of vectors
@@ -94,7 +95,9 @@ class Tracks:
                 raise ValueError(f"{counts[0]!r} must count the {size} samples along {self.sample!r}, got {rows.sum()} in all")
         elif index:
             self.instance = ds[index[0]].attrs["instance_dimension"]
-            if len(rows) and rows.max() >= (most := ds.sizes.get(self.instance, size)):
+            if self.instance not in ds.sizes:
+                rows = np.unique(rows, return_inverse=True)[1]
+            elif len(rows) and rows.max() >= (most := ds.sizes[self.instance]):
                 raise ValueError(f"{index[0]!r} must number tracks along {self.instance!r} from 0 to {most - 1}, got {rows.max()}")
             self.order = np.argsort(rows, kind="stable")
             rows = np.bincount(rows, minlength=ds.sizes.get(self.instance, 0))
@@ -357,8 +360,7 @@ def _check_sphere(ds: xarray.Dataset, columns: list[Column]) -> None:
     """Refuse places in degrees that are not longitude, latitude and perhaps a height: what a degree of longitude measures follows from the latitude."""
     turning = [abs(column.unit) == DEGREE for column in columns]
     words = [(column.name, *(str(ds[column.name].attrs.get(key, "")) for key in ("units", "standard_name"))) for column in columns]
-    others = (r"lat|degrees?_?n", r"lon|degrees?_?e")
-    swapped = [any(re.match(other, word, re.IGNORECASE) for word in found) for found, other in zip(words, others, strict=False)]
+    swapped = [any(re.fullmatch(other, word, re.IGNORECASE) for word in found) for found, other in zip(words, ANGLES, strict=False)]
     if any(turning) and (turning[:2] != [True, True] or any(turning[2:]) or any(swapped)):
         names = _names([column.name for column in columns])
         raise ValueError(f"position in degrees must name longitude, then latitude, and then perhaps a height or depth, got {names}")
@@ -370,7 +372,7 @@ def _unit(ds: xarray.Dataset, role: str, name: str) -> float:
     if role == "position" and words.startswith("degree"):
         return DEGREE
     found = samples.metres(words, per_second=role != "position")
-    if found is None or (role == "position" and not words and re.match("lon|lat", name, re.IGNORECASE)):
+    if found is None or (role == "position" and not words and any(re.fullmatch(angle, name, re.IGNORECASE) for angle in ANGLES)):
         raise ValueError(f"{name!r} must be in {'m, mm, cm, km or degrees' if role == 'position' else 'm/s, mm/s, cm/s or km/s'}, got the unit {words!r}")
     down = role == "position" and ds[name].attrs.get("positive") == "down"
     return -found if down else found

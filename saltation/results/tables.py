@@ -60,7 +60,7 @@ COUPLED = {  # what two-way coupling comes to
     "moving_grains": "moving grains per area of the bed",
     "bed_stress": "shear stress that grains carry at the bed over ρu*²",
     "bed_load": "bed load q/√((s − 1) g d³)",
-    "bed_load_before": "bed load q/√((s − 1) g d³) in the stream without grains",
+    "bed_load_before": "bed load q/√((s − 1) g d³) in the uncoupled stream",
     "bed_load_flux": "bed load, volume of grains per width and time",
 }
 STREAM = {"moving_grains": "m-2", "bed_stress": "1", "bed_load": "1", "bed_load_flux": "m2 s-1"}  # those without a height: their units

@@ -98,7 +98,7 @@ class SceneBase(Table):
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="list of effects, 'auto', or a published model: " + ", ".join(PRESETS))
     defaults: Literal["thesis", "valid"] = Field(
         "thesis",
-        description="laws that are not given: the thesis's; or 'valid': of those whose range holds the scene, the most recently measured (a result lists them)",
+        description="laws that are not given: the thesis's; or 'valid': of those whose range holds the scene the most recently measured, else the nearest (a result lists them)",
     )
     tolerance: float | None = Field(
         None, gt=0.0, le=0.5, description="for effects = 'auto': allowed relative change of mean height, length and velocity, dimensionless; default 0.05"
@@ -392,7 +392,7 @@ class SceneBase(Table):
             if coupling.form == "two_way":
                 raise ValueError(f"coupling.settled: {error}") from None
             known = ", ".join(name for name in PROFILES if name not in ("none", "reichardt"))
-            raise ValueError(f"coupling = 'roughness' needs a profile with a roughness length, one of {known}: {self.channel.profile!r}: {error}") from None
+            raise ValueError(f"coupling = 'roughness' needs a profile with a roughness length, one of {known}, got {self.channel.profile!r}: {error}") from None
         if coupling.form == "two_way":
             if self.bed is None:
                 raise ValueError("coupling = 'two_way' needs a [bed]: grains leave there the momentum that they take from the stream")
@@ -597,7 +597,7 @@ class SceneBase(Table):
     def longest_flight(self) -> float:
         """A grain that flies this long is counted as suspended, in units of d/u*; infinite without a bed.
 
-        By default longer than the flight of a grain that leaves the bed at 100 V under weight alone, and than sinking by 20 d in creeping flow takes.
+        By default at least the time of flight of a grain that leaves the bed at 100 V under weight alone, and the time to sink by 20 d in creeping flow.
         """
         if self.bed is None:
             return math.inf

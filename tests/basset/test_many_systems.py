@@ -188,12 +188,3 @@ def test_a_run_too_long_for_the_record():
 def test_bad_input(changes, message):
     with pytest.raises(ValueError, match=message):
         basset.solve(**({"fun": swings, "t_span": (0.0, 1.0), "y0": STATES, "memory": [1], "args": (1.0,)} | changes))
-
-
-def test_of_many_bodies_one_that_starts_below():
-    fun, jump = numba.njit(lambda t, y: np.array([-1.0, y[0]])), numba.njit(lambda t, y: np.array([-0.5 * y[0], y[1]]))
-    hit = numba.njit(lambda t, y: y[1])
-    hit.direction, hit.jump = -1.0, jump
-    result = basset.solve(fun, (0.0, 1.0), [[0.0, 0.0], [-0.1, 2.0]], [0], 0.0, events=hit, t_eval=[0.0, 1.0])
-    assert result.status.tolist() == [-1, 0] and "beyond the surface" in result.message[0]
-    np.testing.assert_allclose(result.y[1], [[-0.1, 2.0], [np.nan, 1.5]], atol=1e-12)
