@@ -51,11 +51,12 @@ def source_digest(root: Path) -> str:
 
 @lru_cache(maxsize=8)
 def digest_of(package: str) -> str:
-    """The digest for functions of a package: its own sources and basset's."""
+    """The digest for functions of a package: its own sources, basset's, and saltation's if it may call them."""
     file = getattr(sys.modules.get(package), "__file__", None)
     if package == "basset":
         return source_digest(Path(__file__).parent)
-    return digest_of("basset") + (source_digest(Path(file).parent) if file is not None else "")
+    below = "saltation" if package != "saltation" and "saltation" in sys.modules else "basset"
+    return digest_of(below) + (source_digest(Path(file).parent) if file is not None else "")
 
 
 LOCK = threading.RLock()
@@ -364,7 +365,8 @@ def _made(plain: Any, reassociate: bool, allocates: bool, usually: str) -> Any:
         options["_nrt"] = False
     digest = digest_of(plain.__module__.split(".")[0])
     # the name is part of the files': those of other sources may hold types that are no more, and cannot be read
-    plain.__qualname__ += "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
+    ending = "." + hashlib.sha256(digest.encode()).hexdigest()[:16]
+    plain.__qualname__ = plain.__qualname__.removesuffix(ending) + ending  # once, also if an interrupt had it made again
     WHOLE.add(plain.__qualname__)
     function = compiler().njit(pipeline_class=BARE["pipeline_class"], **options)(plain)
     if is_compiled(function):

@@ -21,6 +21,7 @@ from basset.weights.lagrange import lagrange
 from basset.weights.table import Recipe
 
 LAGS = 1024  # the alternating sum of the weights, its last partial sums averaged, is good to 1e-9 by then
+# these four are constants of compiled code, which this line marks for basset._compile
 ALTERNATING = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 16.0  # of five rates: what alternates, and little of what is smooth
 IN_A_ROW = 16  # growing and alternating: no smooth solution and no rounding does that
 GEOMETRIC = 0.999  # of a swing's square, what the two beside it are when it grows by a factor; by equal amounts it is less for 30 steps

@@ -98,7 +98,7 @@ class SceneBase(Table):
     effects: Annotated[list[str] | str, BeforeValidator(_effects)] = Field(description="list of effects, 'auto', or a published model: " + ", ".join(PRESETS))
     defaults: Literal["thesis", "valid"] = Field(
         "thesis",
-        description="laws that are not given: the thesis's; or 'valid': of those whose range holds the scene the most recently measured, else the nearest (a result lists them)",
+        description="laws not given: the thesis's; or 'valid': the most recently measured whose range holds the scene, else the nearest (a result lists them)",
     )
     tolerance: float | None = Field(
         None, gt=0.0, le=0.5, description="for effects = 'auto': allowed relative change of mean height, length and velocity, dimensionless; default 0.05"

@@ -157,7 +157,7 @@ class Solver(Table):
         1.0e-5,
         ge=1e-10,
         le=1e-2,
-        description="error that one flight adds to a jump's height, length and duration, relative to those of the jump or, if larger, of the mean jump (collocation)",
+        description="error that one flight adds to a jump's height, length and duration, relative to the larger of the jump's and the mean (collocation)",
     )
     dt: float | None = Field(None, gt=0.0, description="step in units of d/u* (fixed steps)")
 

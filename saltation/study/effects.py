@@ -118,8 +118,8 @@ def _share(scene: Scene, name: str, module: Any, setting: Setting, jump: Typical
             return 1.0, "the spin is prescribed"
         loss = max(abs(built.torque(s)[1]) for s in met) * jump.duration / max(jump.spin, 1e-300)
         if loss >= 1.0:
-            return 1.0, f"viscous torque stops the spin within {jump.duration / loss:.2g} d/V, less than a jump of {jump.duration:.2g} d/V"
-        return loss, f"in a jump of {jump.duration:.2g} d/V viscous torque changes the spin by {loss:.1%}"
+            return 1.0, f"the fluid's torque takes the spin to the stream's within {jump.duration / loss:.2g} d/V, less than a jump of {jump.duration:.2g} d/V"
+        return loss, f"in a jump of {jump.duration:.2g} d/V the fluid's torque changes the spin by {loss:.1%}"
     if built is None:
         return 0.0, "no force in this form"
     forces = np.array([built.force(s) for s in met])
