@@ -163,7 +163,7 @@ def short(rule: basset.Rule) -> str:
 def compare(
     subject: str, kind: str, sample_step: float | None, variable: str | None, initial_slip: float, output: Path | None, force: bool, **options: Any
 ) -> None:
-    """Compare schemes on a file of samples or on a named problem. Error and time of every step that the samples allow (.csv, .npy, .nc).
+    """Compare schemes on a file of samples or on a named problem. Prints error and time at every step that the samples (.csv, .npy, .nc) allow.
 
     The reference for samples is the highest order on all of them; the difference between two high orders estimates its error.
     """
@@ -264,7 +264,7 @@ def weights(
 @with_kernel
 @with_format("table")
 def exponential_sum(near: float, far: float, rtol: float, order: int, form: str, output: Path | None, force: bool, **options: Any) -> None:
-    """Fit the kernel by a sum of exponentials. With its error bound, the recursion that uses it and a worked example; also as C or Fortran."""
+    """Fit the kernel by a sum of exponentials. Prints it with its error bound, the recursion that uses it and a worked example; also as C or Fortran."""
     checked_form(form, output, force)
     give(exported.sum_text(basset.ExponentialSum.fit(near, far, rtol, kernel_of(**options)), order, form), output)
 
@@ -302,7 +302,7 @@ def history(
     kernel: str,
     **options: Any,
 ) -> None:
-    """Compute history forces along stored TRACKS (.nc, .zarr, .csv). With their share of the total force; if stopped, the same command resumes."""
+    """Compute history forces along stored TRACKS (.nc, .zarr, .csv). The result has their share of the total too; if stopped, the same command resumes."""
     check_output(output, force, source)
     diameter, viscosity = options["diameter"], options["viscosity"]
     if diameter is None:

@@ -49,7 +49,7 @@ class ExponentialSum:
 
     Notes
     -----
-    A published set is used as printed; a fitted one is a minimax sum from a table.
+    A published set is used as it is; a fitted one is a minimax sum from a table.
 
     References
     ----------
@@ -244,7 +244,12 @@ class ExponentialSum:
 
         Returns
         -------
-        ExponentialSum, as printed
+        ExponentialSum, as published
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the window is not positive.
 
         References
         ----------
@@ -272,7 +277,7 @@ class ExponentialSum:
 
         Returns
         -------
-        ExponentialSum, as printed
+        ExponentialSum, as published
 
         Raises
         ------

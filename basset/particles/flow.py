@@ -177,7 +177,8 @@ class Flow:
 
         Parameters
         ----------
-        t, x : float, seconds; array_like (d,) or (n, d), m
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
 
         Returns
         -------
@@ -191,7 +192,8 @@ class Flow:
 
         Parameters
         ----------
-        t, x : as of the gradient: seconds; array_like (d,) or (n, d), m
+        t : float, seconds
+        x : array_like (d,) or (n, d), m
 
         Returns
         -------

@@ -41,7 +41,7 @@ class Stencil(abc.ABC):
 
     @property
     def first(self) -> int:
-        """The smallest n ≥ 1 whose row splits into interior and oldest, at least reach − 1; here the first that keeps as many samples apart from both ends."""
+        """The smallest n ≥ 1 whose row splits into interior and oldest, at least reach − 1; by default 2·reach − 1."""
         return 2 * self.reach - 1
 
     @abc.abstractmethod
