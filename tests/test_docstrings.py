@@ -45,7 +45,7 @@ ARRAY = re.compile(r"\b(ArrayLike|Floats|Array|NDArray|ndarray)\b")
 LISTED = r"\([^()]*(?:,|\.\.\.|…)[^()]*\)"  # such as (n+1, ...) or (terms,)
 SHAPE = re.compile(LISTED + r"|\bshapes?\b|\bscalar\b|\bnumber\b")
 LETTERS = r"(?<![\w'’])(?:m|s|d|V|mm|ms|kg|rad)(?![a-zA-Z_'’])"  # no genitive; d² is one
-UNIT = re.compile(LETTERS + r"|[u/]\*|°|\b(?:[Uu]nits?|[Dd]imensionless|(?:milli)?seconds?|degrees?|radians?|per cent|pixels|bytes)\b")
+UNIT = re.compile(LETTERS + r"|[u/]\*|°|\b(?:[Uu]nits?|[Dd]imensionless|relative to|(?:milli)?seconds?|degrees?|radians?|per cent|pixels|bytes)\b")
 FORMULA = re.compile("[∫√∑Σπ∂]|[²³*·)]\\^\\(|= .*\\^")
 SOURCE = re.compile(r"\((?:18|19|20)\d\d|\b(?:18|19|20)\d\d\b\)?|[Tt]hesis|[Tt]his library|Abramowitz")
 
