@@ -325,7 +325,7 @@ class TestADamagedCache:
             said, complaints = process.communicate(timeout=300)
             assert (process.returncode, complaints) == (0, "")
             assert said in ("0\n", "1\n")
-        assert subprocess.run(command, env=variables, capture_output=True, text=True, timeout=300).stdout == "0\n"
+        assert subprocess.run(command, check=True, env=variables, capture_output=True, text=True, timeout=300).stdout == "0\n"
 
     def test_a_terminal_is_told_once(self, folder, monkeypatch, capsys):
         self.compiles()
