@@ -244,7 +244,7 @@ class ExponentialSum:
 
         Returns
         -------
-        ExponentialSum, as published
+        ExponentialSum, ten terms
 
         Raises
         ------

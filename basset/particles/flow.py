@@ -179,6 +179,7 @@ class Flow:
         ----------
         t : float, seconds
         x : array_like (d,) or (n, d), m
+            Where the derivatives are taken.
 
         Returns
         -------
@@ -194,6 +195,7 @@ class Flow:
         ----------
         t : float, seconds
         x : array_like (d,) or (n, d), m
+            Where the fluid is accelerated.
 
         Returns
         -------
