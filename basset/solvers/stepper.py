@@ -42,7 +42,7 @@ CONTROL = record_type(
     ("jacobian_known", "?"), ("guess_known", "?"),
 )  # fmt: skip
 FULLY, DIAGONALLY = 10, 30  # iterations at most
-SETTLED = 0.03  # of the step's error, left in stages solved with a diagonal Jacobian, unless the problem asks for less
+SETTLED = 0.03  # of the step's error: the last change of stages solved with a diagonal Jacobian, unless the problem asks for less
 
 
 class Equation(NamedTuple):

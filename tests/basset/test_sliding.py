@@ -77,7 +77,7 @@ def test_any_number_that_stick_at_any_tolerance(bodies, c, rtol):
     exact = level[:, None] + side * np.maximum(np.abs(start)[:, None] - fallen, 0.0)
     assert result.status == 0, result.message
     assert (np.abs(result.sol(t) - exact) / np.maximum(1.0, np.abs(exact))).max() <= FACTOR * rtol
-    assert result.nfev <= min(15_000 * bodies, 40_000)
+    assert result.nfev <= min(15_000 * bodies, 40_000)  # three at 1e-11 take 36 000: rounding refuses steps there
 
 
 def test_one_of_three_coupled_bodies_is_torn_loose_from_the_start():
